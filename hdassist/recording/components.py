@@ -1,19 +1,19 @@
 """Components of the residuals that clearly exceed the noise.
 
-A wave that the model lacks stays in the residuals and would be taken for noise, so a bad drive could pass. The
+A wave that the model lacks stays in the residuals and would count as noise, so that a bad drive could pass. The
 residuals r of a run, at the angles u along it, have the power
 
     P(f) = |sum of r exp(-2 pi i f u)|^2                                                                       (R14)
 
-at f periods per input revolution. If r is noise, P(f) over the mean power of its m neighbours exceeds q with
-probability (1 + q/m)^-m: noise with a memory has a smooth spectrum, so the neighbours show its level. A component is
-taken if noise has so large a power once in 1000 recordings, all places f together. It is then removed from the
-residuals, and the search continues with the remainder.
+at f periods per input revolution. If r is noise, P(f) exceeds q times the mean power of its m neighbours with
+probability (1 + q/m)^-m. Correlated noise has a smooth spectrum, so the neighbours show its level. A component is
+accepted if noise has so large a power in only one of 1000 recordings, over all frequencies f. It is then removed from
+the residuals, and the search continues with the remainder.
 
-What a component is follows from its place. If a run of the whole cycle resolves the sidebands and the component lies on
-one of an order, with |j| up to 14 and a quarter of the ratio, it is this wave (k, j) of the torus. Otherwise it is a
-line, for example a ball pass or a motor: a wave with a phase of its own in each run, which comes back with another
-phase in the next cycle.
+The frequency of a component determines its kind. If a run over the whole cycle resolves the sidebands, and the
+component lies on a sideband of an order, with |j| up to 14 and a quarter of the ratio, it is this wave (k, j) of the
+torus. Otherwise it is a line, for example of a ball pass or a motor: a wave with a separate phase in each run, which
+has another phase in the next cycle.
 """
 
 from __future__ import annotations
@@ -28,17 +28,20 @@ from scipy.ndimage import uniform_filter1d
 from hdassist.model.geometry import Array
 
 _Indices = NDArray[np.int64]
-_CHANCE = 1e-3  # of a component in noise, for each recording
-_NEIGHBOURS = 64  # places around a peak, on both sides together, that show the level of the noise
-_PEAK_PLACES = 4  # on each side of a peak that belong to it, of a spectrum that is twice as fine as the resolution
+_CHANCE = 1e-3  # probability per recording of a component due to noise
+_NEIGHBOURS = 64  # frequencies around a peak, on both sides together, that show the level of the noise
+_PEAK_PLACES = 4  # frequencies on each side of a peak that belong to it, in a spectrum twice as fine as the resolution
 MOST_COMPONENTS = 8
-_FEWEST_PERIODS = 3.0  # in the longest run: slower components are drift or waves of the output
-_WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25  # of a component that is a wave of the torus; over the ratio
-_ON_WAVE = 0.2  # of the resolution: how far a component may lie off a wave of the torus
-_WHOLE = 0.97  # of the cycle, in one run, from which its sidebands are resolved
-_CELLS_PER_STEP = 4  # of even angles, on which residuals are set: a wave loses 3 % of its power at most
-SAME_PLACE = 0.25  # of the resolution: a component so near to a line that was removed is what the removal left of it
-_REMOVAL_STEPS = 5  # places between two of the spectrum, at which a peak is sought
+_FEWEST_PERIODS = 3.0  # fewest periods in the longest run; slower components are drift or waves of the output
+# widest sideband of a component that is a wave of the torus; the second number is relative to the ratio
+_WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25
+_ON_WAVE = 0.2  # largest distance of a component from a wave of the torus, as a share of the resolution
+_WHOLE = 0.97  # share of the cycle in one run from which its sidebands are resolved
+# cells per step of even angles to which residuals are assigned; a wave loses at most 3 % of its power
+_CELLS_PER_STEP = 4
+# distance from a removed line, as a share of the resolution, within which a component is a remainder of the line
+SAME_PLACE = 0.25
+_REMOVAL_STEPS = 5  # steps between two frequencies of the spectrum in the search for a peak
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Components:
     lines: tuple[float, ...] = ()
 
     def joined(self, others: Components) -> Components:
-        """Return these components and others."""
+        """Return the union of these components and other ones."""
         return Components(pairs=tuple({*self.pairs, *others.pairs}), lines=self.lines + others.lines)
 
 
@@ -65,10 +68,11 @@ def clear_components(
 ) -> Components:
     """Return the components of the residuals that clearly exceed the noise.
 
-    residual: of each block [arcsec], shape (blocks,).
-    path_rev: angle of the input along the run [rev], shape (blocks,).
+    residual: residual of each block [arcsec], shape (blocks,).
+    path_rev: input angle along the run [rev], shape (blocks,).
     run: number of the run of each block, ascending, shape (blocks,).
     cycle: ratio in lowest terms.
+    most: largest number of components.
     """
     longest = max(float(np.ptp(path_rev[run == number])) for number in range(int(run.max()) + 1))
     if not longest:
@@ -92,7 +96,7 @@ def clear_components(
 def line_columns(path_rev: Array, run: _Indices, lines: tuple[float, ...]) -> Array:
     """Return cosines and sines of lines, a pair of columns for each line and run, shape (readings, 2 runs lines).
 
-    path_rev: angle of the input along the run [rev], shape (readings,).
+    path_rev: input angle along the run [rev], shape (readings,).
     run: number of the run, shape (readings,).
     lines: periods per input revolution.
     """
@@ -106,7 +110,7 @@ def line_columns(path_rev: Array, run: _Indices, lines: tuple[float, ...]) -> Ar
 
 
 def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: float) -> float | None:
-    """Return the place [periods per input rev] of the component that exceeds the noise most; None if there is none.
+    """Return the frequency of the component that exceeds the noise most [periods per input rev], or None.
 
     longest: length of the longest run [rev].
     """
@@ -115,7 +119,7 @@ def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: fl
     own = uniform_filter1d(power, 2 * _PEAK_PLACES + 1, mode="reflect") * (2 * _PEAK_PLACES + 1)
     neighbours = _NEIGHBOURS - 2 * _PEAK_PLACES
     level = np.maximum(around - own, 1e-300) / neighbours
-    resolved = neighbours / 2  # two places of the spectrum for each that the recording resolves
+    resolved = neighbours / 2  # the spectrum has two frequencies for each one that the recording resolves
     log_chance = -resolved * np.log1p(power / level / resolved)
     log_chance[places < _FEWEST_PERIODS / longest] = 0.0
     chosen = int(log_chance.argmin())
@@ -128,10 +132,10 @@ def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: fl
 
 
 def _spectrum(residual: Array, path_rev: Array, run: _Indices, longest: float) -> tuple[Array, Array]:
-    """Return places [periods per input rev], twice as fine as the longest run resolves, and the power (R14) there.
+    """Return frequencies [periods per input rev], twice as fine as the longest run resolves, and the power (R14).
 
-    The power is summed over the runs. Residuals are set on even angles that are finer than the usual step, so that
-    neither lost nor uneven readings move a component. Places end at half a period per usual step.
+    The power is summed over the runs. Residuals are assigned to even angles that are finer than the usual step, so that
+    missing or uneven readings do not shift a component. The highest frequency is half a period per usual step.
     """
     steps = np.diff(path_rev)[np.diff(run) == 0]
     usual_step = float(np.median(steps[steps > 0])) if (steps > 0).any() else longest
@@ -151,13 +155,13 @@ def _spectrum(residual: Array, path_rev: Array, run: _Indices, longest: float) -
 
 
 def _wave_at(residual: Array, path_rev: Array, run: _Indices, place: float) -> Array:
-    """Return the wave of a place that fits residuals best, with a phase of its own in each run, shape (blocks,)."""
+    """Return the best-fitting wave at a frequency, with a separate phase in each run, shape (blocks,)."""
     columns = line_columns(path_rev, run, (place,))
     return np.asarray(columns @ np.linalg.lstsq(columns, residual, rcond=None)[0])
 
 
 def _pair_at(place: float, cycle: Fraction, longest: float) -> tuple[int, int] | None:
-    """Return the wave (k, j) of the torus at a place [periods per input rev]; None if there is none."""
+    """Return the wave (k, j) of the torus at a frequency [periods per input rev], or None if there is none."""
     order = round(place)
     sideband = round((place - order) * float(cycle))
     off = abs(place - order - sideband / float(cycle))

@@ -1,30 +1,33 @@
-"""Figures of a recording: F'_ior with its interval, and the verdict on a limit.
+"""Results of a recording: F'_ior with its interval, and the verdict on a limit.
 
 F'_ior is the range of the curve e (R2) over the full cycle or over a stated travel. Each sample of the amplitudes gives
-one range. Two ends matter, and they answer different questions:
+one range. Two ranges are needed, one for each end of the interval:
 
-    whole = range over all places + rest + 2 sum of lines - excess,                                            (R12)
-    seen  = min(range over visited places + min(rest, 0) + min(flank, 0) - excess, range of the readings).     (R13)
+    whole = range over all positions + rest + 2 sum of lines - excess,                                         (R12)
+    seen  = min(range over covered positions + min(rest, 0) + min(flank, 0) - excess, range of the readings).  (R13)
 
-- rest: what waves beyond the model add to the range, c u, with the rms u of such waves from the fine waves of the model
-  and c as in solved drives (see sizes); u is at most the rms of the residuals. `seen` does without what they add.
-- lines: the amplitudes of lines off the orders. In another cycle their peaks may meet those of the curve; `seen` has
-  them with the phases that were recorded.
-- excess: noise makes the range of a sample larger than that of the true curve. It is the mean range of the samples less
-  the range of the mean curve, both at the readings. Between them it would also contain the waves that coarse readings
-  leave open, which are no noise.
-- flank: a finite series overshoots beside a steep flank, and its range is too large. The readings there lie inside the
-  curve. flank is the mean residual at the highest places of the mean curve less that at the lowest, if it is negative
-  beyond its own noise, else 0.
-- A place is visited if a reading lies near it (`visited_places`). Between two readings a steep flank overshoots too, so
-  the range over visited places is at most that of the curve at the readings, with peaks between them by parabolas. What
-  no reading has visited cannot show that a drive is bad, whatever the prior says, so `seen` leaves it out; what no
-  reading has visited can hide a bad drive, so `whole` includes it.
+- rest: the contribution of waves beyond the model to the range, c u. The rms u of such waves follows from the fine
+waves
+  of the model, and c from solved drives (see sizes); u is at most the rms of the residuals. `seen` excludes positive
+  contributions.
+- lines: the amplitudes of lines outside the orders. In another cycle their peaks may coincide with those of the curve;
+  `seen` includes them with the recorded phases.
+- excess: noise makes the range of a sample larger than that of the true curve. The excess is the mean range of the
+  samples minus the range of the mean curve, both at the readings. Between the readings it would also include waves that
+  coarse readings do not determine, which are not noise.
+- flank: a finite series overshoots next to a steep flank, and its range is too large. The readings there lie inside the
+  curve. flank is the mean residual at the highest positions of the mean curve minus that at the lowest, if it is
+negative
+  beyond its own noise, otherwise 0.
+- A position is covered if a reading is close to it (`visited_places`). A steep flank also overshoots between two
+  readings, so the range over covered positions is limited to that of the curve at the readings, with peaks between them
+  from parabolas. Positions without readings cannot show that a drive is bad, whatever the prior is, so `seen` excludes
+  them. They can hide the fault of a bad drive, so `whole` includes them.
 
-The interval runs from the 2.5 % quantile of `seen` to the 97.5 % quantile of `whole`: part of a cycle simply leaves a
-wide upper end. PASS needs P(whole <= limit) >= 95 %, FAIL needs P(seen > limit) >= 95 %, anything else is INCONCLUSIVE.
-Quantiles and probabilities count at the far end of their Monte Carlo interval, which few effective samples make wide:
-with n of them a quantile p is taken at the share whose Jeffreys interval of n p of n ends there,
+The interval extends from the 2.5 % quantile of `seen` to the 97.5 % quantile of `whole`, so a part of a cycle gives a
+high upper end. PASS requires P(whole <= limit) >= 95 %, FAIL requires P(seen > limit) >= 95 %, and other cases are
+INCONCLUSIVE. Quantiles and probabilities are taken at the far end of their Monte Carlo interval, which is wide for a
+small effective sample size n. A quantile p is taken at the upper end of the Jeffreys interval of n p out of n,
 
     p' = 95 % quantile of Beta(n p + 1/2, n (1 - p) + 1/2).                                                    (R15)
 """
@@ -44,23 +47,24 @@ from hdassist.recording.posterior import ENOUGH_SAMPLES, AmplitudePosterior, eff
 from hdassist.recording.sizes import FINE_ORDER, rest_profile
 from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, parabola_peak, visited_places
 
-_CHUNK = 50  # curves computed at once, for the memory
-_CELLS = 36  # of the cycle, one or several of which are the part to record next
-_CELL_SHARE = 0.5  # of the weight of the best cell, from which its neighbours are part of it
-_TAIL = 0.025  # beyond each end of an interval
-_EXTREME_SHARE = 0.03  # of the range, from either extreme of the mean curve, within which readings show an overshoot
-_FLANK_SIGMAS = 2.0  # standard errors from which an overshoot is not chance
+_CHUNK = 50  # number of curves computed at a time, to limit memory
+_CELLS = 36  # cells of the cycle, one or several of which form the part to record next
+_CELL_SHARE = 0.5  # share of the best cell's weight from which an adjacent cell belongs to the same part
+_TAIL = 0.025  # probability beyond each end of an interval
+# share of the range, from either extreme of the mean curve, within which readings show an overshoot
+_EXTREME_SHARE = 0.03
+_FLANK_SIGMAS = 2.0  # standard errors from which an overshoot is not due to chance
 
 
 @dataclass(frozen=True, eq=False)
 class RangeFigure:
     """F'_ior over the cycle or a travel.
 
-    whole_arcsec: samples of the range over all places (R12), shape (draws,).
-    recorded_arcsec: the same with lines at the phases that were recorded, shape (draws,).
-    seen_arcsec: samples of the range over visited places (R13), shape (draws,); zeros if no place was visited.
-    visited_share: share of the places with readings, 0 to 1.
-    whole_effective, seen_effective: number of effective samples of either range.
+    whole_arcsec: samples of the range over all positions (R12), shape (draws,).
+    recorded_arcsec: the same with lines at the recorded phases, shape (draws,).
+    seen_arcsec: samples of the range over covered positions (R13), shape (draws,); zeros if no position is covered.
+    visited_share: share of the positions with readings, 0 to 1.
+    whole_effective, seen_effective: effective sample size of each range.
     """
 
     whole_arcsec: Array
@@ -72,55 +76,59 @@ class RangeFigure:
 
     @property
     def median_arcsec(self) -> float:
-        """Median of the range over all places."""
+        """The median of the range over all positions."""
         return float(np.median(self.whole_arcsec))
 
     @property
     def median_recorded_arcsec(self) -> float:
-        """Median of the range over all places of the recorded cycle: the best estimate if it was recorded whole."""
+        """The median of the range over the recorded cycle, which is the best estimate if it was fully recorded."""
         return float(np.median(self.recorded_arcsec))
 
     @property
     def median_seen_arcsec(self) -> float:
-        """Median of the range over visited places."""
+        """The median of the range over covered positions."""
         return float(np.median(self.seen_arcsec))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """95 % interval: from the lower end over visited places to the upper end over all places."""
+        """The 95 % interval, from the lower end over covered positions to the upper end over all positions."""
         return self.lower_arcsec(1 - _TAIL), self.upper_arcsec(1 - _TAIL)
 
     def lower_arcsec(self, share: float) -> float:
-        """Return the value that a share of the samples over visited places exceeds, at its far end (R15)."""
+        """Return the value that a share of the samples over covered positions exceeds, at its far end (R15)."""
         return float(np.quantile(self.seen_arcsec, 1 - _far_share(share, self.seen_effective)))
 
     def upper_arcsec(self, share: float) -> float:
-        """Return the quantile of the range over all places for a share of the samples, at its far end (R15)."""
+        """Return the quantile of the range over all positions for a share of the samples, at its far end (R15)."""
         return float(np.quantile(self.whole_arcsec, _far_share(share, self.whole_effective)))
 
     @property
     def has_few_samples(self) -> bool:
-        """Fewer effective samples than the sampler aims at: the interval is rough."""
+        """Whether the effective sample size is smaller than intended, so that the interval is rough."""
         return min(self.whole_effective, self.seen_effective) < ENOUGH_SAMPLES
 
     def probability_of_meeting(self, limit_arcsec: float, uncertainty_arcsec: float = 0.0) -> Probability:
-        """Return the probability that the range over all places meets a limit, with its Monte Carlo interval.
+        """Return the probability that the range over all positions meets a limit, with its Monte Carlo interval.
 
         limit_arcsec: limit [arcsec].
-        uncertainty_arcsec: standard uncertainty of the instrument [arcsec], normal, beside that of the samples.
+        uncertainty_arcsec: standard uncertainty of the instrument [arcsec], normal, in addition to that of the samples.
         """
         share = _share_below(self.whole_arcsec, limit_arcsec, uncertainty_arcsec)
         return probability_by_share(share, self.whole_effective)
 
     def probability_of_exceeding(self, limit_arcsec: float, uncertainty_arcsec: float = 0.0) -> Probability:
-        """Return the probability that the range over visited places exceeds a limit; arguments as above."""
+        """Return the probability that the range over covered positions exceeds a limit.
+
+        The arguments are those of `probability_of_meeting`.
+        """
         share = _share_below(self.seen_arcsec, limit_arcsec, uncertainty_arcsec)
         return probability_by_share(1 - share, self.seen_effective)
 
     def verdict(self, limit_arcsec: float, uncertainty_arcsec: float = 0.0, sure: float = SURE) -> Verdict:
         """Return PASS, FAIL or INCONCLUSIVE for a limit.
 
-        sure: probability that PASS and FAIL need.
+        limit_arcsec, uncertainty_arcsec: see `probability_of_meeting`.
+        sure: probability that PASS and FAIL require.
         """
         if self.probability_of_meeting(limit_arcsec, uncertainty_arcsec).low >= sure:
             return Verdict.PASS
@@ -130,11 +138,11 @@ class RangeFigure:
 
 
 def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
-    """Return the part of the cycle that would narrow F'_ior most [input rev from the zero of the angles].
+    """Return the part of the cycle whose recording would narrow F'_ior most [input rev from the zero of the angles].
 
-    It is where the samples of the curve have most of their extremes at places without readings, each weighted by what
-    such places add to its range. The end lies beyond the cycle if the part contains its close. None if every place was
-    visited or unvisited places add to no range.
+    It contains most extremes of the sampled curves at positions without readings, each weighted by the contribution of
+    such positions to its range. If the part contains the end of the cycle, its own end lies beyond it. The result is
+    None if all positions are covered, or uncovered positions do not contribute to the range.
     """
     seen = visited_places(posterior.visited_rev, posterior.cycle)
     cell_of_point = np.arange(len(seen)) * _CELLS // len(seen)
@@ -166,8 +174,8 @@ def range_figure(
 
     posterior: samples of the amplitudes.
     travel_rev: first and last angle of the output [rev], None for the full cycle.
-    seed: of the random numbers of the rest.
-    Raises UsageError for a travel of no length.
+    seed: seed of the random numbers for the rest.
+    Raises UsageError if the length of the travel is not positive.
     """
     in_travel = _places_of_travel(posterior, travel_rev)
     is_cycle = bool(in_travel.all())
@@ -207,7 +215,7 @@ def range_figure(
 def _ranges_of_travel(
     posterior: AmplitudePosterior, in_travel: NDArray[np.bool_], seen: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Return samples of the range over the places of a travel, and over those with readings, each of shape (draws,)."""
+    """Return samples of the range over the positions of a travel, and over those with readings, each (draws,)."""
     draws = len(posterior.amplitudes)
     whole_range = np.empty(draws)
     seen_range = np.zeros(draws)
@@ -221,21 +229,21 @@ def _ranges_of_travel(
 
 
 def _share_below(values: Array, limit: float, uncertainty: float) -> float:
-    """Return the share of samples at or below a limit, each smoothed by the uncertainty of the instrument [arcsec]."""
+    """Return the share of samples at or below a limit, each smoothed by the instrument's uncertainty [arcsec]."""
     if uncertainty:
         return float(np.mean(ndtr((limit - values) / uncertainty)))
     return float(np.mean(values <= limit))
 
 
 def _far_share(share: float, effective: float) -> float:
-    """Return the share of samples p' (R15) at which an upper quantile is taken, for a number of effective samples."""
+    """Return the share of samples p' (R15) at which an upper quantile is taken, for an effective sample size."""
     return float(betaincinv(effective * share + 0.5, effective * (1 - share) + 0.5, 1 - (1 - CONFIDENCE) / 2))
 
 
 class _BlockPoints:
     """The blocks of readings inside a travel.
 
-    inside: which blocks they are, shape (blocks,).
+    inside: whether each block is inside, shape (blocks,).
     """
 
     def __init__(self, posterior: AmplitudePosterior, in_travel: NDArray[np.bool_]) -> None:
@@ -246,16 +254,21 @@ class _BlockPoints:
         self._is_last = np.diff(run, append=-1) != 0
 
     def range(self, values: Array) -> Array:
-        """Return the range of curves over the blocks, peaks between neighbours of a run by parabolas, shape (curves,).
+        """Return the range of curves over the blocks, with peaks between blocks from parabolas, shape (curves,).
 
-        values: of curves at the blocks, shape (curves, blocks inside). The range is 0 without a block.
+        The range is 0 without a block.
+
+        values: values of the curves at the blocks, shape (curves, blocks inside).
         """
         if not values.shape[1]:
             return np.zeros(len(values))
         return self._highest(values) + self._highest(-values)
 
     def _highest(self, values: Array) -> Array:
-        """Return the maximum of values at the blocks, shape (curves, blocks), by a parabola through its neighbours."""
+        """Return the maximum of curves from a parabola through the highest block and its neighbours, shape (curves,).
+
+        values: values at the blocks, shape (curves, blocks).
+        """
         rows = np.arange(len(values))
         highest = values.argmax(axis=1)
         before = values[rows, np.where(self._is_first[highest], highest, highest - 1)]
@@ -264,7 +277,7 @@ class _BlockPoints:
 
 
 def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
-    """Return the overshoot of the mean curve beside flanks [arcsec], at most 0."""
+    """Return the overshoot of the mean curve next to flanks [arcsec], at most 0."""
     curve = posterior.block_curves[:, at_blocks.inside].mean(axis=0)
     residual = posterior.block_residual[at_blocks.inside]
     if not len(curve):
@@ -278,7 +291,7 @@ def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
 
 
 def _places_of_travel(posterior: AmplitudePosterior, travel_rev: tuple[float, float] | None) -> NDArray[np.bool_]:
-    """Return which places of the cycle's grid a travel covers, shape (points,)."""
+    """Return whether a travel covers each position of the cycle's grid, shape (points,)."""
     points = CURVE_POINTS_PER_REV * posterior.cycle.numerator
     if travel_rev is None:
         return np.ones(points, bool)
@@ -293,7 +306,7 @@ def _places_of_travel(posterior: AmplitudePosterior, travel_rev: tuple[float, fl
 
 
 def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
-    """Return samples of what waves beyond the model add to a range [arcsec], shape (draws,)."""
+    """Return samples of the contribution of waves beyond the model to a range [arcsec], shape (draws,)."""
     rng = np.random.default_rng(seed)
     order = posterior.pairs[:, 0]
     profile = rest_profile(int(order[order % 2 == 1].max()), float(posterior.cycle))

@@ -1,21 +1,21 @@
-"""Memory of the noise.
+"""Autocorrelation of the noise.
 
-Residuals of a recording are seldom white: the rig creeps, bearings hum, counters round. A process ARMA(1,1) of the
-blocks along a run describes a white part beside a part that decays:
+Residuals of a recording are seldom white: the test rig creeps, bearings hum, counters round. An ARMA(1,1) process of
+the blocks along a run describes a white part and a part that decays:
 
     n_i = rho n_(i-1) + u_i + theta u_(i-1),   0 <= rho < 1,   -rho <= theta <= 0,   u white.                  (R4)
 
-Its correlations at lags 1 and 2 give both numbers:
+Its correlations at lags 1 and 2 determine both coefficients:
 
     r_2 / r_1 = rho,   r_1 = (1 + rho theta) (rho + theta) / (1 + 2 rho theta + theta^2).                      (R5)
 
-Whitening applies u_i = n_i - rho n_(i-1) - theta u_(i-1) to the errors and to every column of the design. A run starts
-anew.
+Whitening applies u_i = n_i - rho n_(i-1) - theta u_(i-1) to the errors and to every column of the design. It restarts
+in each run.
 
-A memory must not swallow the signal: noise with a long memory resembles a wave that the model lacks. Three bounds hold.
-The memory is estimated once, from the residuals of a fit that takes the noise as white, so that it never competes with
-a wave of the model. Correlations within 3 standard errors of chance are taken as none. The decay length is at most half
-an input revolution, so that the main orders (2 and its multiples) always stand out of the noise.
+The noise model must not absorb the signal, because noise with a long correlation resembles a wave that the model lacks.
+Three rules prevent this. The correlation is estimated only once, from the residuals of a fit that assumes white noise,
+so that it never competes with a wave of the model. Correlations within 3 standard errors count as 0. The decay length
+is at most half an input revolution, so that the main orders (2 and its multiples) always exceed the noise.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from hdassist.model.geometry import Array
 _Indices = NDArray[np.int64]
 _CHANCE_SIGMAS = 3.0
 _LEAST_RHO = 0.1
-_LONGEST_DECAY_REV = 0.5  # of the input
+_LONGEST_DECAY_REV = 0.5  # input revolutions
 _THETA_STEPS = 400
 
 
 @dataclass(frozen=True)
 class NoiseMemory:
-    """The two coefficients of (R4); both 0 for white noise."""
+    """The two coefficients of (R4), both 0 for white noise."""
 
     rho: float = 0.0
     theta: float = 0.0
 
     @property
     def gain(self) -> float:
-        """The rms of the noise over that of its white part."""
+        """The rms of the noise divided by that of its white part."""
         variance = (1 + 2 * self.rho * self.theta + self.theta**2) / (1 - self.rho**2)
         return float(np.sqrt(variance))
 
@@ -52,11 +52,11 @@ WHITE = NoiseMemory()
 
 
 def memory_of(residual: Array, run: _Indices, blocks_per_rev: float) -> NoiseMemory:
-    """Return the memory of residuals by (R5).
+    """Return the coefficients of the noise from the autocorrelation of residuals (R5).
 
-    residual: of each block [arcsec], shape (blocks,).
+    residual: residual of each block [arcsec], shape (blocks,).
     run: number of the run of each block, ascending, shape (blocks,).
-    blocks_per_rev: blocks in an input revolution.
+    blocks_per_rev: blocks per input revolution.
     """
     at_lag = [_covariance(residual, run, lag) for lag in (0, 1, 2)]
     if not at_lag[0]:
@@ -72,21 +72,22 @@ def memory_of(residual: Array, run: _Indices, blocks_per_rev: float) -> NoiseMem
 
 
 def _covariance(residual: Array, run: _Indices, lag: int) -> float:
-    """Return the mean product of residuals `lag` blocks apart within a run; 0 if no run is as long."""
+    """Return the mean product of residuals `lag` blocks apart within a run, or 0 if all runs are shorter."""
     same = run[lag:] == run[: len(run) - lag]
     products = (residual[lag:] * residual[: len(residual) - lag])[same]
     return float(products.mean()) if len(products) else 0.0
 
 
 def whitened(values: Array, run: _Indices, memory: NoiseMemory) -> Array:
-    """Return values with the memory (R4) removed, run by run.
+    """Return whitened values, with the correlation (R4) removed run by run.
 
-    values: errors or columns of each block, shape (blocks, ...).
+    values: errors or columns at each block, shape (blocks, ...).
     run: number of the run of each block, ascending, shape (blocks,).
+    memory: coefficients of the noise.
     """
     if memory == WHITE:
         return values
-    white = np.array(values, order="C")  # rows one after the other
-    for block in np.flatnonzero(np.diff(run) == 0) + 1:  # scipy.signal has this filter, and takes a second to import
+    white = np.array(values, order="C")  # C order, so that rows are contiguous
+    for block in np.flatnonzero(np.diff(run) == 0) + 1:  # scipy.signal has this filter but takes a second to import
         white[block] = values[block] - memory.rho * values[block - 1] - memory.theta * white[block - 1]
     return white

@@ -1,18 +1,20 @@
 """Readings of a recording by their positions.
 
-A reading has a position: the angle phi of the input and the angle psi of the output, both in revolutions modulo 1. They
-are two coordinates of one place on the full cycle, after which both shafts stand as before. With the ratio i = p/q in
-lowest terms the cycle has p input revolutions, and the place t (input revolutions from the start of the cycle) is
+A reading has a position: the input angle phi and the output angle psi, both in revolutions modulo 1. They are two
+coordinates of one position on the full cycle, after which both shafts return to their initial angles. With the ratio i
+= p/q in lowest terms, the cycle has p input revolutions, and the position t (input revolutions from the start of the
+cycle) is
 
     phi = t mod 1,   psi = t / i mod 1,   0 <= t < p.                                                          (R1)
 
-The order of the rows, wrapping and the begin of the recording do not enter (R1). Three more properties of a reading
-matter: the sense in which the shaft turned, the run that it belongs to, and its neighbours in time. A run is at most
-one cycle long and unbroken: sweeps that continue one another in place and time form one run, and a second pass over the
-cycle starts a new one. Each run has a level of its own, because encoders are often zeroed between two runs.
+(R1) does not depend on the sequence of the rows, on wrapping, or on the start of the recording. Three further
+properties of a reading matter: the direction of rotation, the run to which it belongs, and its neighbours in time. A
+run is continuous and at most one cycle long: sweeps that continue one another in position and time form one run, and a
+second pass over the cycle starts a new one. Each run has its own level, because encoders are often zeroed between two
+runs.
 
-`ordered_readings` puts readings into one canonical order, so that equal readings give equal results to rounding.
-Turning back and the sign of the error are undone there; the posterior restores both.
+`ordered_readings` sorts readings into one canonical order, so that equal readings give equal results except for
+rounding. It also mirrors backward rotation and negative errors; the posterior restores both.
 """
 
 from __future__ import annotations
@@ -28,24 +30,25 @@ from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
 
 _Indices = NDArray[np.int64]
-_LARGEST_DENOMINATOR = 20  # of the ratio, output revolutions: a longer cycle is not recorded by anybody
+# largest denominator of the ratio, in output revolutions; longer cycles are not recorded in practice
+_LARGEST_DENOMINATOR = 20
 _FEWEST_READINGS = 20
-_MISFIT_REV = 0.1  # of an input revolution, by which the two angles of a reading may disagree
-_PLACE_DIGITS = 9  # of a revolution: places that differ by less are one place
-_JOINED_STEPS = 3.0  # median steps: a longer gap starts a new run
-_ONE_WAY = 0.9  # share of the steps in one sense, from which a sweep has turned that way
+_MISFIT_REV = 0.1  # input revolutions by which the two angles of a reading may disagree
+_PLACE_DIGITS = 9  # decimal digits of a revolution to which positions are distinguished
+_JOINED_STEPS = 3.0  # median steps; a longer gap starts a new run
+_ONE_WAY = 0.9  # share of the steps in one direction from which a sweep has that direction
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Readings of the error of one drive at one torque, in one direction.
 
-    input_rev: angle of the input [rev], any multiple of a revolution, shape (readings,).
-    output_rev: angle of the output [rev], shape (readings,).
+    input_rev: input angle [rev], not necessarily within one revolution, shape (readings,).
+    output_rev: output angle [rev], shape (readings,).
     error_arcsec: error [arcsec], shape (readings,).
     sweep: number of the sweep of each reading, shape (readings,).
     time: time stamp of each reading in any unit, or its number, shape (readings,).
-    ratio: input revolutions for each output revolution, above 1.
+    ratio: input revolutions per output revolution, above 1.
     Raises DataError for arrays of different lengths, values that are not finite, fewer than 20 readings, a constant
     error, a ratio without a closed cycle, and angles that contradict the ratio.
     """
@@ -82,22 +85,22 @@ class Recording:
 
     @property
     def cycle(self) -> Fraction:
-        """The ratio in lowest terms: numerator, input revolutions of a cycle; denominator, its output revolutions."""
+        """The ratio in lowest terms: input revolutions per cycle over output revolutions per cycle."""
         return cycle_of(self.ratio)
 
 
 @dataclass(frozen=True, eq=False)
 class OrderedReadings:
-    """Readings in canonical order: by run, then by place.
+    """Readings in canonical order: by run, then by position.
 
-    place_rev: place on the cycle [input rev], shape (readings,).
-    input_rev, output_rev: angles [rev] in 0..1, shape (readings,).
+    place_rev: position on the cycle [input rev], shape (readings,).
+    path_rev: input angle along the run [rev], without a jump where the cycle closes, shape (readings,).
+    input_rev, output_rev: angles [rev] from 0 to 1, shape (readings,).
     error_arcsec: error [arcsec], shape (readings,).
-    path_rev: angle of the input along the run [rev], without a jump where the cycle closes, shape (readings,).
     run: number of the run, ascending from 0, shape (readings,).
-    elapsed: time within the run, -1/2 to 1/2, shape (readings,).
-    turned: -1 if the angles were mirrored because the shaft turned backwards, else 1.
-    flipped: -1 if the error was multiplied by -1, else 1.
+    elapsed: time within the run, scaled to -1/2 to 1/2, shape (readings,).
+    turned: -1 if the angles were mirrored because the shaft rotated backwards, otherwise 1.
+    flipped: -1 if the error was multiplied by -1, otherwise 1.
     cycle: ratio in lowest terms.
     """
 
@@ -134,12 +137,12 @@ def recording_from_columns(
 ) -> Recording:
     """Return a recording whose output angle follows from the input angle.
 
-    input_rev: unwrapped angle of the input [rev], shape (readings,).
+    input_rev: unwrapped input angle [rev], shape (readings,).
     error_arcsec: error [arcsec], shape (readings,).
-    ratio: input revolutions for each output revolution.
-    sweep: number of the sweep, shape (readings,); one sweep if omitted.
-    time: time stamps, shape (readings,); the number of the reading if omitted.
-    Raises DataError as Recording does.
+    ratio: input revolutions per output revolution.
+    sweep: number of the sweep, shape (readings,); None for one sweep.
+    time: time stamps, shape (readings,); None for the number of the reading.
+    Raises DataError under the conditions of `Recording`.
     """
     angle = np.asarray(input_rev, float)
     error = np.asarray(error_arcsec, float)
@@ -151,11 +154,11 @@ def recording_from_columns(
 
 
 def recording_from_trace(trace: MeasuredTrace, ratio: float) -> Recording:
-    """Return the readings of the sweeps of a measured trace.
+    """Return the readings of the sweeps of a measured recording.
 
-    trace: trace with sweeps in one direction.
-    ratio: input revolutions for each output revolution.
-    Raises DataError for sweeps in both directions, and as Recording does.
+    trace: recording with sweeps in one direction.
+    ratio: input revolutions per output revolution.
+    Raises DataError for sweeps in both directions, and under the conditions of `Recording`.
     """
     if len({sweep.direction for sweep in trace.sweeps}) > 1:
         raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
@@ -211,9 +214,10 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
 
 
 def _place_and_misfit(recording: Recording) -> tuple[Array, Array]:
-    """Return the places (R1) of readings on the cycle and the disagreement of their angles [input rev].
+    """Return the positions (R1) of readings on the cycle and the disagreement of their angles [input rev].
 
-    The output angle alone leaves open which of its q revolutions of the cycle it is in; the input angle decides.
+    The output angle alone does not show in which of the q revolutions of the cycle it is; the input angle determines
+    this.
     """
     cycle = cycle_of(recording.ratio)
     phi = recording.input_rev % 1.0
@@ -227,7 +231,7 @@ def _place_and_misfit(recording: Recording) -> tuple[Array, Array]:
 
 
 def _sweeps_in_time(recording: Recording) -> list[_Indices]:
-    """Return the rows of each sweep in the order of time, the sweeps by their first reading."""
+    """Return the rows of each sweep in order of time, with the sweeps in order of their first reading."""
     rows_by_time = np.lexsort((recording.time, recording.sweep))
     borders = np.flatnonzero(np.diff(recording.sweep[rows_by_time])) + 1
     sweeps = np.split(rows_by_time, borders)
@@ -235,7 +239,7 @@ def _sweeps_in_time(recording: Recording) -> list[_Indices]:
 
 
 def _sense(place: Array, length: float) -> int:
-    """Return 1 if the places of a sweep ascend along the cycle, -1 if they descend, 0 if they have no order."""
+    """Return 1 if the positions of a sweep ascend along the cycle, -1 if they descend, 0 if they are unordered."""
     steps = np.diff(np.unwrap(place, period=length))
     steps = steps[steps != 0]
     if not len(steps):
@@ -249,11 +253,11 @@ def _sense(place: Array, length: float) -> int:
 def _joined(
     sweeps: list[_Indices], senses: list[int], place: Array, time: Array, length: float
 ) -> list[tuple[_Indices, int]]:
-    """Return sweeps and their senses, those that continue the sweep before them in place and time joined to it.
+    """Return sweeps and their directions, joined if they continue the previous sweep in position and time.
 
-    A pause between them separates two runs: the encoders may have been zeroed in it.
+    A pause between sweeps separates two runs, because the encoders may have been zeroed in it.
 
-    place: places in the forward sense, so that every sweep with a sense ascends.
+    place: positions in the forward direction, so that every sweep with a direction ascends.
     """
     joined: list[tuple[_Indices, int]] = []
     for rows, sense in zip(sweeps, senses, strict=True):
@@ -272,7 +276,7 @@ def _joined(
 
 
 def _passes(rows: _Indices, sense: int, place: Array, length: float) -> list[_Indices]:
-    """Return the rows of each pass over the cycle of a joined sweep."""
+    """Return the rows of each pass over the cycle in a joined sweep."""
     if not sense:
         return [rows]
     progress = np.unwrap(place[rows], period=length)
@@ -281,6 +285,6 @@ def _passes(rows: _Indices, sense: int, place: Array, length: float) -> list[_In
 
 
 def _elapsed(time: Array) -> Array:
-    """Return times scaled to -1/2..1/2; zeros if all are equal."""
+    """Return times scaled to -1/2 to 1/2, or zeros if all are equal."""
     span = float(np.ptp(time))
     return (time - time.min()) / span - 0.5 if span else np.zeros(len(time))

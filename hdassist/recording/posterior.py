@@ -1,41 +1,43 @@
-"""Posterior of the amplitudes, by Gibbs sampling.
+"""Posterior distribution of the amplitudes, by Gibbs sampling.
 
 Block means of the readings are linear in all coefficients beta: amplitudes of the waves, a level for each run, a slow
-drift for each run (polynomials of the time, up to a stated degree), and lines off the orders:
+drift for each run (polynomials of the time, up to a given degree), and lines outside the orders:
 
-    y = X beta + n,   n with the memory (R4) and white variance sigma^2,   beta ~ N(0, V).                     (R8)
+    y = X beta + n,   n correlated by (R4) with white variance sigma^2,   beta ~ N(0, V).                      (R8)
 
-V is diagonal: v_kj of the waves (R6), one variance for the drifts of each power, inverse gamma distributed so that a
-drift is Cauchy distributed with a scale of 0.02 A, none (a flat prior) for levels, and A^2 for lines. The readings
-decide the degree of the drift: a power that they do not show stays near 0. Given the sizes the posterior of beta is
-normal. With X and y whitened,
+V is diagonal. It contains v_kj of the waves (R6) and one variance for the drifts of each power, which has an inverse
+gamma distribution, so that a drift is Cauchy distributed with a scale of 0.02 A. Levels have a flat prior, and lines
+the variance A^2. The readings determine the degree of the drift: a power that they do not show stays near 0. Given the
+sizes, the posterior of beta is normal. With X and y whitened,
 
     P = X^T X / sigma^2 + V^-1,   beta | V, sigma, y ~ N(P^-1 X^T y / sigma^2, P^-1),                          (R9)
 
-one Cholesky factor for each draw. Columns that hardly correlate (over a long recording, waves of different orders)
-are drawn in groups, each given the others: with the columns g of X and all other coefficients o held,
+which takes one Cholesky factorisation per draw. Columns that are nearly uncorrelated (over a long recording, waves of
+different orders) are drawn in groups, each given the others. With the columns g of X and all other coefficients o
+fixed,
 
     P_g = X_g^T X_g / sigma^2 + V_g^-1,   m_g = P_g^-1 X_g^T (y - X_o beta_o) / sigma^2,                       (R10)
 
-which is still a Gibbs sampler of the same posterior, at a small part of the work. Given beta, the sizes are drawn by
-(R7) and sigma^2 is inverse gamma:
+which is a Gibbs sampler of the same posterior with a small part of the work. Given beta, the sizes are drawn by (R7),
+and sigma^2 has an inverse gamma distribution:
 
     sigma^2 | beta, y ~ IG(m/2, |y - X beta|^2 / 2),   m blocks.                                               (R11)
 
-Sampling alternates the two steps. It stops when the ranges of the curve over the cycle and over the visited places have
-enough effective samples, or at a largest number of draws; the number of effective samples is part of the result. If
-components of the residuals clearly exceed the noise (R14), the width of the sidebands is increased from 6 to 10 and 14
-on each side while Akaike's criterion of white residuals improves, up to a quarter of the ratio: half of the spectrum is
-left to tell noise with a memory from waves. Then the components that are left are added.
+Sampling alternates between the two steps. It stops when the ranges of the curve over the cycle and over the covered
+positions have a sufficient effective sample size, or at a largest number of draws; the effective sample size is part of
+the result. If components of the residuals clearly exceed the noise (R14), the width of the sidebands is increased from
+6 to 10 and 14 on each side while Akaike's criterion for white residuals improves, up to a quarter of the ratio. Half of
+the spectrum thus remains to distinguish correlated noise from waves. Then the remaining components are added.
 
 A part of the cycle hardly distinguishes neighbouring sidebands. If the model lacks a component, waves that nearly
-cancel one another at the readings replace it there, and are huge at other places. The power of the waves shows it:
+cancel one another at the readings replace it there, and are huge at other positions. The power of the waves reveals
+this:
 
     sum over k > 0 of (a_kj^2 + b_kj^2) / 2 > 4 A^2,   which no sum of distinct waves can have.               (R16)
 
-Then the sidebands are widened too. If (R16) still holds, the components are found one after the other in the residuals
-of the mean (R9) at the sizes of the profile, at which the waves cannot become so large. The place f of a line moves by
-steps of Gauss and Newton, with the slope d of its curve over f and the residuals r:
+In this case the sidebands are widened too. If (R16) still holds, the components are found one by one in the residuals
+of the mean (R9) with the sizes of the profile, for which the waves cannot become so large. The frequency f of a line is
+refined by Gauss-Newton steps, with the derivative d of its curve with respect to f and the residuals r:
 
     f += d^T r / (d^T d - d^T X P^-1 X^T d / sigma^2).                                                         (R17)
 """
@@ -77,23 +79,27 @@ from hdassist.recording.waves import (
 )
 
 _Indices = NDArray[np.int64]
-ENOUGH_SAMPLES = 100.0  # effective: the ends of a 95 % interval are then good to some 10 % of its width
+# effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width
+ENOUGH_SAMPLES = 100.0
 _MOST_DRAWS = 1200
-_BATCH = 40  # draws between two looks at the effective samples
-_LARGEST_POWER = 4.0  # of A^2, of the waves of the input together
-_LINE_STEPS = 4  # to the place of a line
-_NOISE_STEPS = 3  # to the variance of the noise at the usual sizes
-_KEPT_DRAWS = 200  # about so many are returned: neighbours in a longer chain say the same
-_SIZE_STEPS = 4  # draws of the sizes for each draw of the coefficients, which takes longer: the chain forgets sooner
-_BURN_SHARE = 0.2  # of the draws so far, dropped as not yet settled
-_FIRST_DRAWS, _FIRST_KEPT = 30, 10  # of the fit with white noise; draws averaged for its residuals
-_MORE_SIDEBANDS = (4, 8)  # beyond the usual 6, tried in this order
-_WIDEST_OF_RATIO = 0.25  # sidebands over the ratio: wider ones fill the spectrum and take slow noise for waves
-_DRIFT_SIZE = 0.02  # of A: scale of the Cauchy distribution of each power of the drift over a run (assumed)
-_LEVEL_PRECISION = 1e-10  # over A^2: flat in effect
-_COHERENT = 0.1  # correlation of two columns from which they are drawn together; below, a chain hardly slows
-_GROUP_COLUMNS = 100  # small groups are merged up to so many columns, which one factor takes fastest
-_LEAST_NOISE = 1e-3  # of A: no recording is better, and rounding errors stay far below
+_BATCH = 40  # draws between two computations of the effective sample size
+_LARGEST_POWER = 4.0  # largest power of all waves of the input, as a multiple of A^2
+_LINE_STEPS = 4  # steps for the frequency of a line
+_NOISE_STEPS = 3  # iterations for the variance of the noise with the usual sizes
+_KEPT_DRAWS = 200  # approximate number of draws in the result, because neighbours in a longer chain are redundant
+# draws of the sizes per draw of the coefficients, which takes longer; they reduce the correlation of the chain
+_SIZE_STEPS = 4
+_BURN_SHARE = 0.2  # share of the draws that is discarded as burn-in
+_FIRST_DRAWS, _FIRST_KEPT = 30, 10  # draws of the fit with white noise, and draws that are averaged for its residuals
+_MORE_SIDEBANDS = (4, 8)  # sidebands beyond the usual 6, tried in this sequence
+# largest number of sidebands relative to the ratio; wider ones fill the spectrum and represent slow noise as waves
+_WIDEST_OF_RATIO = 0.25
+_DRIFT_SIZE = 0.02  # scale of the Cauchy distribution of each power of the drift over a run, as a share of A (assumed)
+_LEVEL_PRECISION = 1e-10  # relative to 1/A^2: effectively flat
+# correlation of two columns above which they are drawn together; weaker correlation hardly slows the chain
+_COHERENT = 0.1
+_GROUP_COLUMNS = 100  # most columns of merged small groups, for which one factorisation is fastest
+_LEAST_NOISE = 1e-3  # smallest noise, as a share of A: no recording is better, and rounding errors are much smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +110,18 @@ class AmplitudePosterior:
     cycle: ratio in lowest terms.
     amplitudes: cosines, then sines [arcsec], shape (draws, 2 waves).
     sigma_arcsec: white part of the noise of a block, shape (draws,).
-    memory: memory of the noise.
-    visited_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
-    readings_range: range of the readings less levels and drifts [arcsec].
+    memory: autocorrelation of the noise.
+    visited_rev: positions with readings on the cycle [input rev], ascending, shape (readings,).
+    readings_range: range of the readings minus levels and drifts [arcsec].
     drift: coefficients of the drift of each run and power [arcsec], shape (draws, runs * degree).
-    lines: periods per input revolution of the lines off the orders, shape (lines,).
+    lines: periods per input revolution of the lines outside the orders, shape (lines,).
     line_amplitudes: largest amplitude of each line in a run [arcsec], shape (draws, lines).
-    extremes: of the curves over the cycle.
+    extremes: extremes of the curves over the cycle.
     block_curves: waves and lines at the blocks of readings [arcsec], shape (draws, blocks).
-    block_place_rev: place of each block on the cycle [input rev], shape (blocks,).
+    block_place_rev: position of each block on the cycle [input rev], shape (blocks,).
     block_run: number of the run of each block, shape (blocks,).
-    block_residual: block means less the mean curve [arcsec], shape (blocks,).
-    effective: number of effective samples of the range over the cycle, or over the visited places if that is less.
+    block_residual: block mean minus the mean curve [arcsec], shape (blocks,).
+    effective: smaller effective sample size of the ranges over the cycle and over the covered positions.
     """
 
     pairs: _Indices
@@ -137,7 +143,7 @@ class AmplitudePosterior:
 
     @property
     def noise_rms(self) -> Array:
-        """Samples of the rms of the noise of a block [arcsec], with all that the waves leave, shape (draws,)."""
+        """Samples of the rms of all noise of a block, including its correlated part [arcsec], shape (draws,)."""
         return self.sigma_arcsec * self.memory.gain
 
 
@@ -147,9 +153,9 @@ def posterior_of_recording(
     """Return samples of the amplitudes given a recording.
 
     recording: readings of one drive at one torque in one direction.
-    drift_degree: highest degree of the slow drift over the time of a run; 0 for none.
-    seed: of the random numbers.
-    most_draws: draws at most, with those that are dropped.
+    drift_degree: highest degree of the slow drift over the time of a run, 0 for none.
+    seed: seed of the random numbers.
+    most_draws: largest number of draws, including discarded ones.
     Raises DataError for sweeps in both directions.
     """
     readings = ordered_readings(recording)
@@ -179,12 +185,13 @@ def posterior_of_recording(
 
 
 def _plausible_components(readings: OrderedReadings, model: _Model, seed: int) -> Components:
-    """Return components beside which the waves of a model are no larger than the readings.
+    """Return components with which the waves of a model are no larger than the readings allow.
 
-    They are searched one after the other in the residuals at the usual sizes, which large waves do not fit.
+    They are found one by one in the residuals with the usual sizes, which do not permit large waves.
 
-    readings: readings in the order of their places.
-    model: without components.
+    readings: readings in canonical order.
+    model: model without components.
+    seed: seed of the random numbers.
     """
     components = NO_COMPONENTS
     for _ in range(MOST_COMPONENTS):
@@ -206,9 +213,9 @@ def _plausible_components(readings: OrderedReadings, model: _Model, seed: int) -
 
 
 def effective_samples(values: Array) -> float:
-    """Return the number of independent samples that a chain is worth (Geyer 1992, initial positive sequence).
+    """Return the effective sample size of a chain (Geyer 1992, initial positive sequence).
 
-    values: of successive draws, shape (draws,).
+    values: values of successive draws, shape (draws,).
     """
     draws = len(values)
     centred = values - values.mean()
@@ -224,7 +231,7 @@ def effective_samples(values: Array) -> float:
 
 
 def _coherent_groups(gram: Array) -> list[_Indices]:
-    """Return groups of columns such that columns of different groups hardly correlate.
+    """Return groups of columns such that columns of different groups are nearly uncorrelated.
 
     gram: products of the columns, shape (columns, columns).
     """
@@ -241,11 +248,11 @@ def _coherent_groups(gram: Array) -> list[_Indices]:
 
 
 def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
-    """Yield groups of columns that are joined directly or by others, each ascending.
+    """Yield groups of columns that are joined directly or through other columns, each ascending.
 
     is_joined: whether two columns are joined, symmetric, shape (columns, columns).
     """
-    is_free = np.ones(len(is_joined), bool)  # scipy.sparse has this too, and takes a tenth of a second to import
+    is_free = np.ones(len(is_joined), bool)  # scipy.sparse has this function but takes a tenth of a second to import
     for column in range(len(is_joined)):
         if not is_free[column]:
             continue
@@ -260,7 +267,7 @@ def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
 
 
 class _Model:
-    """Block means and their design (R8): columns of the waves, then levels, then drifts, then lines."""
+    """Block means and their design (R8), with columns of the waves, then levels, then drifts, then lines."""
 
     def __init__(
         self,
@@ -273,11 +280,11 @@ class _Model:
     ) -> None:
         """Set up the design of a recording.
 
-        readings: readings in the order of their places.
+        readings: readings in canonical order.
         drift_degree: highest degree of the drift.
         more_sidebands: sidebands on each side beyond the usual ones.
         components: components of the residuals of a smaller model.
-        smaller: a model of the same readings, whose columns and products are used again.
+        smaller: model of the same readings, whose columns and products are reused.
         """
         starts = block_starts(readings)
         self.cycle = readings.cycle
@@ -306,9 +313,12 @@ class _Model:
     def _set_design(
         self, readings: OrderedReadings, starts: _Indices, other_columns: Array, smaller: _Model | None
     ) -> None:
-        """Compute the columns that a smaller model does not have, and the products of all.
+        """Set the columns and their products, copied from a smaller model where it has them.
 
-        other_columns: all that are no waves, shape (blocks, other columns).
+        readings: readings in canonical order.
+        starts: first row of each block.
+        other_columns: columns other than waves, shape (blocks, other columns).
+        smaller: model with some of the columns, or None.
         """
         is_old = np.zeros(self.waves + other_columns.shape[1], bool)
         old = np.zeros(0, np.int64)
@@ -317,7 +327,7 @@ class _Model:
             is_old[: self.waves] = np.tile(places >= 0, 2)
             cosines = places[places >= 0]
             old = np.concatenate([cosines, len(smaller.pairs) + cosines])
-        columns = np.empty((len(is_old), len(starts)))  # one in a row, so that each is copied at once
+        columns = np.empty((len(is_old), len(starts)))  # one column per row, so that each is contiguous
         new = np.flatnonzero(~is_old[: self.waves])
         fill_block_columns(readings, starts, self.pairs[new[: len(new) // 2]], [columns[place] for place in new])
         columns[self.waves :] = other_columns.T
@@ -328,7 +338,7 @@ class _Model:
         self.gram: Array = self._products(smaller, old, is_old)
 
     def _products(self, smaller: _Model | None, old: _Indices, is_old: NDArray[np.bool_]) -> Array:
-        """Return the products of all columns, shape (columns, columns), those of a smaller model copied."""
+        """Return the products of all columns, copied from a smaller model if it has them, shape (columns, columns)."""
         if smaller is None:
             return self.design.T @ self.design
         gram = np.empty((len(is_old), len(is_old)))
@@ -339,7 +349,7 @@ class _Model:
         return gram
 
     def residual(self, coefficients: Array) -> Array:
-        """Return block means less the model's."""
+        """Return the block means minus those of the model."""
         return self.errors - self.design @ coefficients
 
     def clear_components(self, coefficients: Array, most: int = MOST_COMPONENTS) -> Components:
@@ -347,11 +357,11 @@ class _Model:
         return clear_components(self.residual(coefficients), self.path_rev, self.run, self.cycle, most=most)
 
     def memory(self, coefficients: Array) -> NoiseMemory:
-        """Return the memory of the residuals."""
+        """Return the autocorrelation of the residuals."""
         return memory_of(self.residual(coefficients), self.run, self.blocks_per_rev)
 
     def with_components(self, readings: OrderedReadings, components: Components) -> _Model:
-        """Return the model with components; this one has none."""
+        """Return this model, which has no components, with components added."""
         return _Model(
             readings,
             drift_degree=self.degree,
@@ -363,28 +373,28 @@ class _Model:
     def is_plausible(self, coefficients: Array) -> bool:
         """Return whether the waves of the input are no larger than the readings allow.
 
-        Waves that are hardly distinct at the readings may nearly cancel one another there. Such sums fit what the model
-        lacks, and are huge at other places.
+        Waves that are hardly distinct at the readings may nearly cancel one another there. Such sums represent
+        components that the model lacks, and are huge at other positions.
         """
         is_input = np.tile(self.pairs[:, 0] > 0, 2)
         power = float(np.sum(coefficients[: self.waves][is_input] ** 2)) / 2
         return power <= _LARGEST_POWER * self.mean_square
 
     def rank(self, coefficients: Array) -> tuple[bool, float]:
-        """Return what is less for the better one of two models."""
+        """Return a sort key that is smaller for the better of two models."""
         return not self.is_plausible(coefficients), self.criterion(coefficients)
 
     @property
     def longest_run(self) -> float:
-        """Length of the longest run [input rev]."""
+        """The length of the longest run [input rev]."""
         return max(float(np.ptp(self.path_rev[self.run == number])) for number in range(self.runs))
 
     def has_line_near(self, lines: Sequence[float]) -> bool:
-        """Return whether one of some lines is not resolved from a line of the model."""
+        """Return whether any of the lines is not resolved from a line of the model."""
         return any(abs(line - own) < SAME_PLACE / self.longest_run for line in lines for own in self.components.lines)
 
     def shifted_lines(self, fit: _UsualFit) -> Components:
-        """Return the components with lines at places that fit the readings better, by a step of Gauss and Newton."""
+        """Return the components after one Gauss-Newton step of the frequencies of the lines."""
         residual = self.residual(fit.coefficients)
         in_lines = fit.coefficients[self.slow_end :].reshape(len(self.components.lines), self.runs, 2)
         largest_step = 0.5 / self.longest_run
@@ -392,13 +402,14 @@ class _Model:
         for line, in_runs in zip(self.components.lines, in_lines, strict=True):
             slope = self._slope_over_place(line, in_runs)
             half = dtrtrs(fit.factor, slope @ self.design, lower=1)[0]
-            information = float(slope @ slope - half @ half / fit.sigma2)  # the other columns take a part of it
+            # reduced by the part that the other columns can represent
+            information = float(slope @ slope - half @ half / fit.sigma2)
             step = float(slope @ residual) / information if information > 0 else 0.0
             lines.append(line + float(np.clip(step, -largest_step, largest_step)))
         return Components(pairs=self.components.pairs, lines=tuple(lines))
 
     def _slope_over_place(self, line: float, in_runs: Array) -> Array:
-        """Return the slope of a line over its place, with its phase in the middle of each run, shape (blocks,).
+        """Return the derivative of a line by its frequency, with a fixed phase in the middle of each run, (blocks,).
 
         in_runs: coefficients of its cosine and sine in each run [arcsec], shape (runs, 2).
         """
@@ -411,21 +422,21 @@ class _Model:
         return slope
 
     def criterion(self, coefficients: Array) -> float:
-        """Return -2 log likelihood of white residuals, plus 2 for each column (Akaike's criterion)."""
+        """Return Akaike's criterion: -2 log likelihood of white residuals plus 2 for each column."""
         blocks, columns = self.design.shape
         mean_square = float(np.mean(self.residual(coefficients) ** 2))
         return float(blocks * np.log(mean_square) + 2 * columns)
 
 
 def _blocks_per_rev(place_rev: Array, run: _Indices) -> float:
-    """Return the usual number of blocks in an input revolution, 1 if no two blocks of a run differ in their place."""
+    """Return the usual number of blocks per input revolution, or 1 if all blocks of a run have the same position."""
     steps = np.diff(place_rev)[np.diff(run) == 0]
     positive = steps[steps > 0]
     return 1 / float(np.median(positive)) if len(positive) else 1.0
 
 
 def _places_of(pairs: _Indices, others: _Indices) -> _Indices:
-    """Return the place of each wave among other waves, -1 if it is not one of them, shape (waves,)."""
+    """Return the index of each wave among other waves, -1 if it is not one of them, shape (waves,)."""
     place_of = {pair: place for place, pair in enumerate(map(tuple, others.tolist()))}
     return np.array([place_of.get(pair, -1) for pair in map(tuple, pairs.tolist())])
 
@@ -434,22 +445,23 @@ def _slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
     """Return the columns of levels and drifts, shape (readings, runs * (1 + degree)).
 
     run: number of the run, shape (readings,).
-    elapsed: time within the run, -1/2 to 1/2, shape (readings,).
+    elapsed: time within the run, scaled to -1/2 to 1/2, shape (readings,).
     degree: highest power of the time.
     """
     in_run = (run[:, None] == np.arange(int(run.max()) + 1)).astype(float)
     powers = [in_run]
     for power in range(1, degree + 1):
-        legendre = np.polynomial.legendre.legval(2 * elapsed, np.eye(degree + 1)[power]) / 2  # 1 from end to end
+        # scaled to a change of 1 from end to end
+        legendre = np.polynomial.legendre.legval(2 * elapsed, np.eye(degree + 1)[power]) / 2
         powers.append(in_run * legendre[:, None])
     return np.hstack(powers)
 
 
 @dataclass(frozen=True, eq=False)
 class _UsualFit:
-    """Mean of the coefficients (R9) at the sizes of the profile.
+    """Mean of the coefficients (R9) for the sizes of the profile.
 
-    coefficients: shape (columns,).
+    coefficients: mean coefficients, shape (columns,).
     factor: Cholesky factor of P, shape (columns, columns).
     sigma2: variance of the noise of a block [arcsec^2].
     """
@@ -463,10 +475,10 @@ class _UsualFit:
 class _Chain:
     """Draws of the sampler.
 
-    coefficients: of each column [arcsec], shape (draws, columns).
+    coefficients: coefficient of each column [arcsec], shape (draws, columns).
     sigma_arcsec: white part of the noise of a block, shape (draws,).
-    extremes: of the curves over the cycle.
-    effective: number of effective samples.
+    extremes: extremes of the curves over the cycle.
+    effective: effective sample size.
     """
 
     coefficients: Array
@@ -476,7 +488,7 @@ class _Chain:
 
 
 class _Sampler:
-    """The chain: coefficients given sizes by (R9) and (R10), sizes given coefficients by (R7) and (R11)."""
+    """The Markov chain: coefficients given sizes by (R9) and (R10), sizes given coefficients by (R7) and (R11)."""
 
     def __init__(self, model: _Model, *, seed: int) -> None:
         self._model = model
@@ -488,7 +500,7 @@ class _Sampler:
         self._use(WHITE)
 
     def use_memory(self, memory: NoiseMemory) -> None:
-        """Whiten design and errors by a memory."""
+        """Whiten design and errors by the autocorrelation of the noise."""
         if memory != WHITE:
             self._use(memory)
 
@@ -509,7 +521,7 @@ class _Sampler:
         return np.asarray(np.mean(draws[-_FIRST_KEPT:], axis=0))
 
     def usual_fit(self) -> _UsualFit:
-        """Return the fit at the sizes of the profile; the chain must not have begun."""
+        """Return the fit for the sizes of the profile. The chain must not have started."""
         sigma2 = self._sigma2
         for _ in range(_NOISE_STEPS):
             precision = self._gram / sigma2 + np.diag(self._prior_precision())
@@ -521,7 +533,7 @@ class _Sampler:
         return _UsualFit(coefficients=mean, factor=factor, sigma2=used)
 
     def run(self, most_draws: int) -> _Chain:
-        """Return the draws of a chain that has enough effective samples, or that is as long as it may be."""
+        """Return the draws of a chain with a sufficient effective sample size, or of the largest allowed length."""
         model = self._model
         extremes: list[CurveExtremes] = []
         draws: list[Array] = []
@@ -549,7 +561,7 @@ class _Sampler:
         )
 
     def _prior_precision(self) -> Array:
-        """Return the precision V^-1 of every coefficient, shape (columns,)."""
+        """Return the prior precision V^-1 of every coefficient, shape (columns,)."""
         model = self._model
         variances = np.concatenate([self._tree.wave, self._tree.wave])
         levels = np.full(model.runs, _LEVEL_PRECISION / model.mean_square)
@@ -558,7 +570,7 @@ class _Sampler:
         return np.concatenate([1 / variances, levels, drifts, lines])
 
     def _step(self) -> Array:
-        """Draw coefficients, then sizes; return the coefficients."""
+        """Draw coefficients, then sizes, and return the coefficients."""
         model, rng = self._model, self._rng
         prior = self._prior_precision()
         beta = self._beta
@@ -567,7 +579,8 @@ class _Sampler:
             moment = (self._moment[group] - others) / self._sigma2
             precision = gram / self._sigma2
             precision.flat[:: len(group) + 1] += prior[group]
-            factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)  # scipy's own checks take twice as long
+            # LAPACK directly, because scipy's checks take twice as long
+            factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)
             if is_singular:
                 raise UntrustedError(
                     "the readings do not distinguish the components", "record longer", Fault.ORDERS_UNTOLD
@@ -590,7 +603,7 @@ class _Sampler:
 
 
 def _result(readings: OrderedReadings, model: _Model, memory: NoiseMemory, chain: _Chain) -> AmplitudePosterior:
-    """Return the posterior in the sense and sign of the recording as it was given."""
+    """Return the posterior in the direction and sign of the original recording."""
     coefficients = chain.coefficients
     mean = coefficients.mean(axis=0)
     cosines, sines = np.split(coefficients[:, : model.waves], 2, axis=1)

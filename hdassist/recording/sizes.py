@@ -1,21 +1,21 @@
 """Prior sizes of the waves.
 
-Each amplitude is normal with mean 0 and a variance of its own, a_kj and b_kj ~ N(0, v_kj). The sizes form a tree: the
-size s_k of an order, the size b_k of its sidebands, the size sqrt v_kj of a wave. Each is half-t distributed with
-nu = 3 degrees of freedom around the one above it:
+Each amplitude is normal with mean 0 and its own variance, a_kj and b_kj ~ N(0, v_kj). The sizes form a tree: the size
+s_k of an order, the size b_k of its sidebands, and the size sqrt v_kj of a wave. Each has a half-t distribution with nu
+= 3 degrees of freedom, whose scale is the size above it in the tree:
 
     s_k ~ half-t(q_k A),   b_k ~ half-t(s_k),   sqrt v_k0 ~ half-t(s_k),   sqrt v_kj ~ half-t(r_kj b_k).        (R6)
 
-A is the rms of the readings less the level of each run, so the units do not matter. The profiles q (orders)
-and r (sidebands) are data of solved drives (`sizes.toml`): `ORDER_PROFILE`, `SIDEBAND_PROFILE`, `OUTPUT_PROFILE`. A
-half-t has most of its mass near 0 and a long tail: a wave that the readings show gets its size from them, and a wave
-that they do not visit stays as open as the profile says.
+A is the rms of the readings after subtraction of each run's level, so the result does not depend on the unit. The
+profiles q (orders) and r (sidebands) are data from solved drives (`sizes.toml`): `ORDER_PROFILE`, `SIDEBAND_PROFILE`,
+`OUTPUT_PROFILE`. A half-t distribution has most of its mass near 0 and a long tail. The readings therefore determine
+the size of a wave that they show, and a wave that they do not show remains as uncertain as the profile.
 
 A half-t variable of scale s is conjugate with one auxiliary variable x (Wand et al. 2011, Bayesian Analysis 6, 847):
 
     v | x ~ IG(nu/2, nu/x),   x ~ IG(1/2, 1/s^2),   IG the inverse gamma distribution.                         (R7)
 
-So each variable given the others is inverse gamma, which `SizeTree.draw` uses.
+Each variable given the others therefore has an inverse gamma distribution, which `SizeTree.draw` uses.
 """
 
 from __future__ import annotations
@@ -30,30 +30,32 @@ from hdassist.model.geometry import Array
 from hdassist.recording.waves import USUAL_SIDEBANDS
 
 _Indices = NDArray[np.int64]
-_FREEDOM = 3.0  # nu: tails like x^-4, so that a wave far above its profile is not shrunk
-_LEAST_VARIANCE = 1e-14  # of A^2, so that no precision overflows
+_FREEDOM = 3.0  # degrees of freedom nu: tails like x^-4, so that a wave far above its profile is not shrunk
+_LEAST_VARIANCE = 1e-14  # smallest variance as a share of A^2, so that no precision overflows
 _PROFILES = package_table("recording/sizes.toml")  # written by benchmarks/sizes.py, from solved drives
-# An order's size over the rms of the error, by k = 0, 1, 2, ...; the last value holds beyond. That of k = 0 is a
-# cautious assumption, because slow waves of a recording also come from encoders, couplings and gravity.
+# Size of an order relative to the rms of the error, for k = 0, 1, 2, ...; the last value applies to higher orders. The
+# value for k = 0 is a cautious assumption, because slow waves of a recording also come from encoders, couplings and
+# gravity.
 ORDER_PROFILE: tuple[float, ...] = tuple(_PROFILES["order"])
-# Size of a sideband over that of its order, by |j| = 1, 2, ...; the last value holds beyond. It is twice that of solved
-# drives, a cautious assumption too.
+# Size of a sideband relative to its order, for |j| = 1, 2, ...; the last value applies to wider ones. It is twice that
+# of solved drives, which is a cautious assumption.
 SIDEBAND_PROFILE: tuple[float, ...] = tuple(_PROFILES["sideband"])
-_OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # the same for (k, +-k), a part that turns with the other wheel
-OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # of (0, j) by j = 1, 2, ...
-# Waves beyond the pairs: their rms over that of the fine waves (orders from 12 on), and what they add to the range over
-# their rms. They nearly always add to it, because the largest value is sought among rougher ones, and both grow with
-# the gear ratio, because more teeth have more places where the largest value may be.
+_OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # the same for (k, +-k), a part that rotates with the other wheel
+OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # the same for (0, j), by j = 1, 2, ...
+# Waves beyond the pairs: their rms relative to that of the fine waves (orders from 12), and their contribution to the
+# range relative to their rms. The contribution is nearly always positive, because the largest value is selected among
+# rougher ones. Both grow with the gear ratio, because with more teeth there are more positions at which the largest
+# value may occur.
 FINE_ORDER: int = _PROFILES["rest"]["fine_order"]
 
 
 @dataclass(frozen=True)
 class _RestProfile:
-    """Sizes of the waves beyond the pairs; see the comment above.
+    """Sizes of the waves beyond the pairs (see the comment on FINE_ORDER).
 
-    size: median of their rms over that of the fine waves.
+    size: median of their rms relative to that of the fine waves.
     size_log_sigma: standard deviation of its logarithm.
-    added: mean of what they add to the range, over their rms.
+    added: mean contribution to the range relative to their rms.
     added_sigma: standard deviation of added.
     """
 
@@ -66,7 +68,7 @@ class _RestProfile:
 def rest_profile(highest: int, gear_ratio: float) -> _RestProfile:
     """Return the sizes of the waves beyond pairs up to a highest odd order.
 
-    Between tabulated orders they are interpolated; over the logarithm of the ratio they are straight lines.
+    They are interpolated between tabulated orders, and linear in the logarithm of the ratio.
 
     highest: highest odd order of the pairs.
     gear_ratio: input revolutions per output revolution; below 50, where no drive was solved, it counts as 50.
@@ -95,7 +97,7 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
     orders = np.array([ORDER_PROFILE[min(order, len(ORDER_PROFILE) - 1)] for order in range(int(k.max()) + 1)])
     waves = np.empty(len(pairs))
     for number, (order, sideband) in enumerate(zip(k.tolist(), distance.tolist(), strict=True)):
-        step = sideband  # to the nearer wheel
+        step = sideband  # distance to the nearer wheel
         if sideband > USUAL_SIDEBANDS:
             step = min(sideband, abs(sideband - order))
         if sideband == 0:
@@ -113,11 +115,13 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
 class SizeTree:
     """The state of (R6) during sampling: squared sizes and the auxiliary variables of (R7).
 
-    order_prior, wave_prior: squared q_k A, shape (orders,), and squared r_kj, shape (waves,).
-    order_of: k of each wave; is_main: j = 0, both of shape (waves,).
+    order_prior: squared q_k A, shape (orders,).
+    wave_prior: squared r_kj, shape (waves,).
+    order_of: order k of each wave, shape (waves,).
+    is_main: whether j = 0, shape (waves,).
     order, sideband: squared s_k and b_k [arcsec^2], shape (orders,).
-    order_aux, sideband_aux: their auxiliaries [1/arcsec^2], shape (orders,).
-    wave, wave_aux: v_kj [arcsec^2] and its auxiliary [1/arcsec^2], shape (waves,).
+    order_aux, sideband_aux: their auxiliary variables [1/arcsec^2], shape (orders,).
+    wave, wave_aux: v_kj [arcsec^2] and its auxiliary variable [1/arcsec^2], shape (waves,).
     least: smallest v_kj [arcsec^2].
     """
 
@@ -135,7 +139,7 @@ class SizeTree:
 
     @classmethod
     def start(cls, pairs: _Indices, mean_square: float) -> SizeTree:
-        """Return the tree at the sizes of the profile.
+        """Return the tree with the sizes of the profile.
 
         pairs: waves (k, j), shape (waves, 2).
         mean_square: A^2 [arcsec^2].
@@ -182,5 +186,5 @@ class SizeTree:
 
 
 def inverse_gamma(shape: float | Array, rate: Array, rng: np.random.Generator) -> Array:
-    """Return a draw of the inverse gamma distribution for each rate, shape as rate."""
+    """Return a draw from the inverse gamma distribution for each rate, with the shape of rate."""
     return np.asarray(rate / rng.gamma(shape, size=np.shape(rate)))

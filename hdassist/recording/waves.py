@@ -4,16 +4,16 @@ The error is a smooth function of both angles, so it is a Fourier series on thei
 
     e(phi, psi) = sum over (k, j) of a_kj cos 2 pi (k phi + j psi) + b_kj sin 2 pi (k phi + j psi).            (R2)
 
-k counts periods per input revolution (the orders), j periods per output revolution (the sidebands of an order). The
-waves with k = 0, j > 0 are those of the output; the two waves (k, +-k) are those of a part that turns with the other
-wheel. Along the cycle (R1) the wave (k, j) has k p + j q periods, so that a fast Fourier transform of the amplitudes
-gives the curve over the whole cycle.
+k is the number of periods per input revolution (the order), j the number of periods per output revolution (the sideband
+of an order). The waves with k = 0, j > 0 are those of the output. The two waves (k, +-k) are those of a part that
+rotates with the other wheel. Along the cycle (R1) the wave (k, j) has k p + j q periods, so a fast Fourier transform of
+the amplitudes gives the curve over the whole cycle.
 
-Readings are averaged over blocks of consecutive readings of a run, the columns of the design as well as the errors:
+Both the readings and the columns of the design are averaged over blocks of consecutive readings of a run:
 
     y_B = mean over B of y,   X_B = mean over B of x.                                                          (R3)
 
-An average of both sides of a linear equation is exact, so averaging damps no wave.
+Averaging both sides of a linear equation is exact, so it does not attenuate any wave.
 """
 
 from __future__ import annotations
@@ -29,23 +29,24 @@ from hdassist.model.geometry import Array
 from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
-BLOCKS_PER_REV = 80  # of the input, at most
-CURVE_POINTS_PER_REV = 240  # of the input: 3 a period of the highest order, between which a parabola finds the peak
-# Orders that are open whatever the sampling. Coarse readings show a higher order as a lower one (its image) or not at
-# all, so they do not exclude it. Solved drives have 3 % of the power of their error above order 16.
+BLOCKS_PER_REV = 80  # most blocks per input revolution
+# points per input revolution: 3 per period of the highest order, between which a parabola gives the peak
+CURVE_POINTS_PER_REV = 240
+# Highest order that is included for any sampling. Coarse readings show a higher order as a lower one (its image) or not
+# at all, so they do not exclude it. In solved drives, orders above 16 have 3 % of the power of the error.
 ALWAYS_ORDER = 16
 _SIDEBAND_ORDER = 20  # the highest order with sidebands
-_HIGHEST_ORDER = 36  # of the odd orders
-# Teeth that differ give even orders (two zones mesh) up to half the number of teeth of a wheel, 1 + ratio. Their waves
-# turn with either wheel, with one sideband on each side: with them the range of solved drives is 97 +- 2.6 % of the
-# true one, without them 90 +- 8 %.
+_HIGHEST_ORDER = 36  # the highest odd order
+# Differences between teeth give even orders (two zones mesh) up to half the number of teeth of a wheel, 1 + ratio.
+# Their waves rotate with either wheel, with one sideband on each side. With them the range of solved drives is 97 +-
+# 2.6 % of the true one, without them 90 +- 8 %.
 _HIGHEST_FINE_ORDER = 80
-_POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order
+_POINTS_PER_PERIOD = 2.2  # blocks per period of the highest order
 USUAL_SIDEBANDS = 6  # on each side of an order
-_VISITED_REV = 0.009  # of the input: a place with a reading within this distance on either side is visited
-_PHASE_POINTS_PER_REV = 1024  # of the input: places for the phases of two waves
-_SAME_READINGS = 0.9  # agreement of phases from which two waves have the same readings
-_CHUNK = 256  # rows whose columns are computed at once: they stay in the processor's cache
+_VISITED_REV = 0.009  # input revolutions: a position with a reading within this distance on either side is covered
+_PHASE_POINTS_PER_REV = 1024  # points per input revolution for the phases of two waves
+_SAME_READINGS = 0.9  # agreement of phases above which two waves have the same readings
+_CHUNK = 256  # rows whose columns are computed at a time, so that they fit into the processor's cache
 
 
 def wave_pairs(
@@ -54,12 +55,12 @@ def wave_pairs(
     more_sidebands: int = 0,
     more_pairs: Sequence[tuple[int, int]] = (),
 ) -> _Indices:
-    """Return the waves (k, j) of the model, shape (waves, 2), sorted.
+    """Return the waves (k, j) of the model, sorted, shape (waves, 2).
 
     cycle: ratio in lowest terms.
-    blocks_per_rev: blocks of readings in an input revolution.
+    blocks_per_rev: blocks of readings per input revolution.
     more_sidebands: sidebands on each side beyond the usual 6.
-    more_pairs: further waves (k, j) that the readings show.
+    more_pairs: further waves (k, j) shown by the readings.
     """
     ratio = float(cycle)
     sidebands = min(USUAL_SIDEBANDS + more_sidebands, max(1, int(ratio // 2)))
@@ -78,9 +79,12 @@ def wave_pairs(
 
 
 def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Return the waves of teeth that differ, from the highest order that is always open on, without other waves.
+    """Return the waves due to differences between teeth, above the orders that are always included.
 
-    Two waves with equally many periods in a cycle are one wave, which is left out if it is among the others.
+    Two waves with the same number of periods per cycle are one wave, which is omitted if it is among the others.
+
+    cycle: ratio in lowest terms.
+    others: other waves.
     """
     periods = {k * cycle.numerator + j * cycle.denominator for k, j in others}
     highest = min(_HIGHEST_FINE_ORDER, int(cycle) + 1)
@@ -97,12 +101,12 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
 def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indices:
     """Return the waves without high orders that have the same readings as a lower one, shape (waves, 2).
 
-    At even readings a wave with m periods in a cycle has the same readings as one with m' periods if all phases
-    (m - m') t / p, or all (m + m') t / p, agree. The readings cannot tell the two apart, and the lower order is the
-    likelier one. The level of a run is a wave with 0 periods.
+    At evenly spaced readings, a wave with m periods per cycle has the same readings as one with m' periods if all
+    phases (m - m') t / p, or all (m + m') t / p, agree. The readings cannot distinguish them, and the lower order is
+    more likely. The level of a run counts as a wave with 0 periods.
 
     pairs: waves (k, j), ascending, shape (waves, 2).
-    place_rev: places of the readings on the cycle [input rev], shape (readings,).
+    place_rev: positions of the readings on the cycle [input rev], shape (readings,).
     cycle: ratio p/q in lowest terms.
     """
     points = _PHASE_POINTS_PER_REV * cycle.numerator
@@ -111,7 +115,7 @@ def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indic
     periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
     is_kept = pairs[:, 0] <= ALWAYS_ORDER
     for wave in np.flatnonzero(~is_kept).tolist():
-        lower = np.append(periods[:wave][is_kept[:wave]], 0)  # 0 of the level of a run
+        lower = np.append(periods[:wave][is_kept[:wave]], 0)  # 0 for the level of a run
         same = np.maximum(agreement[np.abs(periods[wave] - lower)], agreement[periods[wave] + lower])
         is_kept[wave] = not (same > _SAME_READINGS).any()
     return pairs[is_kept]
@@ -131,16 +135,16 @@ def wave_values(input_rev: Array, output_rev: Array, pairs: _Indices) -> NDArray
 
 
 def _powers(angle_rev: Array, highest: int) -> NDArray[np.complex128]:
-    """Return exp 2 pi i n angle for n = 0 to the highest, shape (highest + 1, readings)."""
+    """Return exp 2 pi i n angle for n from 0 to the highest number, shape (highest + 1, readings)."""
     powers = np.ones((highest + 1, len(angle_rev)), complex)
     once = np.exp(2j * np.pi * angle_rev)
-    for number in range(1, highest + 1):  # each by a product: a tenth of the time of an exponential
+    for number in range(1, highest + 1):  # products take a tenth of the time of exponentials
         powers[number] = powers[number - 1] * once
     return powers
 
 
 def block_starts(readings: OrderedReadings) -> _Indices:
-    """Return the first row of each block, shape (blocks,): parts of a run of equal size, at most one reading apart."""
+    """Return the first row of each block, shape (blocks,). Blocks of a run differ in size by at most one reading."""
     borders = np.flatnonzero(np.diff(readings.run)) + 1
     starts: list[_Indices] = []
     for rows in np.split(np.arange(len(readings.run)), borders):
@@ -150,7 +154,7 @@ def block_starts(readings: OrderedReadings) -> _Indices:
 
 
 def _readings_per_block(place: Array) -> int:
-    """Return how many readings of a run one block takes."""
+    """Return the number of readings in a block of a run."""
     steps = np.diff(place)
     steps = steps[steps > 0]
     if not len(steps):
@@ -161,7 +165,7 @@ def _readings_per_block(place: Array) -> int:
 def block_means(values: Array, starts: _Indices) -> Array:
     """Return the means of values over blocks (R3), shape (blocks, ...).
 
-    values: of each reading, shape (readings, ...).
+    values: value of each reading, shape (readings, ...).
     starts: first row of each block, shape (blocks,).
     """
     sizes = np.diff(np.append(starts, len(values)))
@@ -172,9 +176,10 @@ def block_means(values: Array, starts: _Indices) -> Array:
 def fill_block_columns(readings: OrderedReadings, starts: _Indices, pairs: _Indices, columns: Sequence[Array]) -> None:
     """Write the columns of waves averaged over blocks (R3).
 
+    readings: readings in canonical order.
     starts: first row of each block, shape (blocks,).
     pairs: waves (k, j), shape (waves, 2).
-    columns: arrays of shape (blocks,) that are overwritten: those of the cosines, then those of the sines.
+    columns: arrays of shape (blocks,) to be overwritten, first those of the cosines, then those of the sines.
     """
     if not len(pairs):
         return
@@ -197,14 +202,14 @@ def _sums(values: NDArray[np.complex128], starts: _Indices) -> NDArray[np.comple
     size = values.shape[1] // len(starts)
     if (starts != size * np.arange(len(starts))).any() or size * len(starts) != values.shape[1]:
         return np.add.reduceat(values, starts, axis=1)
-    sums = values[:, ::size].copy()  # of blocks of one size, for which this takes a third of the time
+    sums = values[:, ::size].copy()  # for blocks of equal size, this takes a third of the time
     for number in range(1, size):
         sums += values[:, number::size]
     return sums
 
 
 def cycle_curves(amplitudes: Array, pairs: _Indices, cycle: Fraction) -> Array:
-    """Return the curves of (R2) over the whole cycle, shape (curves, CURVE_POINTS_PER_REV * p).
+    """Return the curves (R2) over the whole cycle, shape (curves, CURVE_POINTS_PER_REV * p).
 
     amplitudes: cosines, then sines, of each curve, shape (curves, 2 waves).
     pairs: waves (k, j), shape (waves, 2).
@@ -223,9 +228,9 @@ class CurveExtremes:
     """Extremes of curves over the cycle.
 
     range_arcsec: range over the points of the curve, shape (curves,).
-    peak_range_arcsec: range with peaks between the points, shape (curves,).
-    visited_range_arcsec: range over the visited points, 0 if there are none, shape (curves,).
-    highest, lowest: numbers of the points with the extremes, shape (curves,).
+    peak_range_arcsec: range including peaks between the points, shape (curves,).
+    visited_range_arcsec: range over the covered points, 0 if there are none, shape (curves,).
+    highest, lowest: indices of the points with the extremes, shape (curves,).
     """
 
     range_arcsec: Array
@@ -240,13 +245,15 @@ class CurveExtremes:
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
 
     def chosen(self, curves: slice) -> CurveExtremes:
-        """Return the extremes of some of the curves."""
+        """Return the extremes of the selected curves."""
         return CurveExtremes(**{name: values[curves] for name, values in vars(self).items()})
 
     def mirrored(self, turned: int, flipped: int, *, points: int) -> CurveExtremes:
-        """Return the extremes of the curves with angles multiplied by `turned`, and values by `flipped`, each 1 or -1.
+        """Return the extremes of the curves after mirroring angles and values.
 
-        points: of a curve.
+        turned: factor on the angles, 1 or -1.
+        flipped: factor on the values, 1 or -1.
+        points: number of points of a curve.
         """
         highest = turned * self.highest % points
         lowest = turned * self.lowest % points
@@ -258,8 +265,8 @@ class CurveExtremes:
 def curve_extremes(curves: Array, is_visited: NDArray[np.bool_]) -> CurveExtremes:
     """Return the extremes of curves over the cycle.
 
-    curves: as `cycle_curves` gives them, shape (curves, points).
-    is_visited: whether a point has a reading nearby, shape (points,).
+    curves: curves as returned by `cycle_curves`, shape (curves, points).
+    is_visited: whether each point has a reading nearby, shape (points,).
     """
     highest = curves.argmax(axis=1)
     lowest = curves.argmin(axis=1)
@@ -280,7 +287,7 @@ def curve_extremes(curves: Array, is_visited: NDArray[np.bool_]) -> CurveExtreme
 
 
 def _value_at_peak(curves: Array, highest: _Indices) -> Array:
-    """Return the maximum of periodic curves by a parabola through the highest point and its neighbours."""
+    """Return the maximum of periodic curves from a parabola through the highest point and its neighbours."""
     rows = np.arange(len(curves))
     before = curves[rows, highest - 1]
     behind = curves[rows, (highest + 1) % curves.shape[1]]
@@ -288,15 +295,15 @@ def _value_at_peak(curves: Array, highest: _Indices) -> Array:
 
 
 def parabola_peak(before: Array, here: Array, behind: Array) -> Array:
-    """Return the maximum of parabolas through three even points, of which the middle one is the highest."""
+    """Return the maximum of parabolas through three evenly spaced points, of which the middle one is the highest."""
     bend = np.minimum(before - 2 * here + behind, -1e-300)
     return np.asarray(here - (before - behind) ** 2 / (8 * bend))
 
 
 def visited_places(place_rev: Array, cycle: Fraction) -> NDArray[np.bool_]:
-    """Return which points of the curves over the cycle have a reading within 0.009 revolutions, shape (points,).
+    """Return whether each point of the curves over the cycle has a reading within 0.009 revolutions, shape (points,).
 
-    place_rev: places with readings on the cycle [input rev], ascending, shape (readings,).
+    place_rev: positions with readings on the cycle [input rev], ascending, shape (readings,).
     cycle: ratio p/q in lowest terms.
     """
     length = float(cycle.numerator)
