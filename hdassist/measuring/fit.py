@@ -303,7 +303,7 @@ def fit_orders(
     orders: orders per input revolution.
     slow: slow terms.
     lines: orders of further lines.
-    base: design of the orders alone; with it a fit with lines takes a fraction of the time.
+    base: design of the orders without lines; with it, a fit with lines takes a fraction of the time.
     Raises UntrustedError if there are too few bins, or the angles do not resolve the orders.
     """
     lines = np.sort(lines)

@@ -1,26 +1,27 @@
-"""F'_ior of the full cycle by the model of `hdassist.recording`, for whole cycles and for parts.
+"""F'_ior of the full cycle from the model of `hdassist.recording`, for whole cycles and for parts.
 
 The rules of `orders` give the range of fitted orders at the recorded angles. The model also contains the waves that
-these orders leave out, above all those of rough teeth, and for a part of the cycle what the prior of the waves leaves
-open at places without readings. Hence two ends: the lower one is of visited places, the upper one of the cycle. Of a
-part there is no value of the cycle in between, because that would be one of the prior, which is cautious: the value
-stated is that of the recorded part, and its lower end is the lower one of the model and of the fitted orders.
+these orders omit, especially those of rough teeth. For a part of the cycle it includes the waves that, by their prior,
+are possible at positions without readings. The interval therefore has two kinds of ends: the lower one refers to
+covered positions, the upper one to the cycle. A value between them would depend on the cautious prior. For a part of
+the cycle, the stated value is therefore that of the recorded part, and the lower end is the smaller one of the model
+and of the fitted orders.
 
-The recording passes through the cleaning of `measure` first: spikes and steps are removed, and a lag and a wind-up are
-taken off, so that the model gets the averages of the fit. Sources of uncertainty that the model does not contain widen
-both ends.
+The recording is first processed by `measure`: spikes and steps are removed, and a lag and a wind-up are corrected, so
+that the model receives the averages of the fit. Sources of uncertainty that the model does not contain widen the
+interval at both ends.
 
-`measure` and `accept` state this one interval. For a verdict two further numbers count: `at_most_arcsec`, the smallest
+`measure` and `accept` state the same interval. A verdict requires two further numbers: `at_most_arcsec`, the smallest
 limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
-exceeds. The former is given from a third of the cycle on (`LEAST_SHARE_OF_PASS`). Over less of it, the prior alone
-decides whether the remainder is like the recorded part. Lines off the orders that the fit of `measure` names have to
-find room in the upper end too, since in another cycle their peaks may meet those of the curve. At coarse readings most
-of them are images of high orders: these return in each cycle, the model contains them, and they need no room.
+exceeds. The former requires at least a third of the cycle (`LEAST_SHARE_OF_PASS`). With less, the prior alone decides
+whether the remainder resembles the recorded part. The upper end also includes lines outside the orders that the fit of
+`measure` finds, because in another cycle their peaks may coincide with those of the curve. If the readings are coarse,
+most such lines are images of high orders. These recur in each cycle and are part of the model, so they are not added.
 
-The model holds only in its domain, and `reason_outside` is the one place that states it: the cycle and the size of the
-error are known, F'_ior counts over all of the cycle, one direction, one torque, a recording of 12 % of the cycle or
-more, slow terms that are not much larger than the error of the orders (they may come from a wrong ratio), and enough
-effective samples. Outside it the range of the fitted orders is what is known.
+The model applies only in its domain, which is defined in `reason_outside`: the cycle and the size of the error are
+known, F'_ior refers to the whole cycle, and the recording has one direction, one torque and 12 % of the cycle or more.
+Slow terms must not be much larger than the error of the orders (they may result from a wrong ratio), and the effective
+sample size must be sufficient. Outside this domain, only the range of the fitted orders is known.
 """
 
 from __future__ import annotations
@@ -39,20 +40,22 @@ from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
 from hdassist.recording.waves import ALWAYS_ORDER, BLOCKS_PER_REV
 
-_LEAST_SHARE = 0.12  # of the cycle: less was not judged (benchmarks/recordings.py)
-LEAST_SHARE_OF_PASS = 1 / 3  # of the cycle, from which the upper end may pass a drive
-_LARGEST_SLOW = 10.0  # times the range of the orders: larger slow terms may come from a wrong ratio
-_FEWEST_EFFECTIVE = 40.0  # samples: with fewer an upper end is not known
-_MOST_BLOCKS = 30_000  # of readings: three cycles of ratio 100; the design of more takes too much memory
-_LINE_IS_WAVE = 0.5  # agreement of phases: the line lies within 0.6 of the resolution of the wave or of its image
-_READINGS_AT_ONCE = 2000  # whose phases are held in memory
-_PAUSE = 1e6  # rows between two levels, so that each is a run of its own
+_LEAST_SHARE = 0.12  # share of the cycle below which the model was not validated (benchmarks/recordings.py)
+LEAST_SHARE_OF_PASS = 1 / 3  # share of the cycle from which the upper end may pass a drive
+# largest slow terms, as a multiple of the range of the orders; larger ones may result from a wrong ratio
+_LARGEST_SLOW = 10.0
+_FEWEST_EFFECTIVE = 40.0  # effective sample size below which the upper end is unknown
+_MOST_BLOCKS = 30_000  # blocks of readings: three cycles of ratio 100; a larger design needs too much memory
+# agreement of phases for which a line lies within 0.6 of the resolution of the wave or of its image
+_LINE_IS_WAVE = 0.5
+_READINGS_AT_ONCE = 2000  # number of readings whose phases are in memory at a time
+_PAUSE = 1e6  # rows between two levels, so that each level is a separate run
 
 
 def with_full_cycle(result: Measurement) -> Measurement:
-    """Return a measurement whose directions have F'_ior of the full cycle, that of the greatest one first.
+    """Return a measurement with F'_ior of the full cycle for each direction, the one with the largest value first.
 
-    result: a measurement; one that has it already is returned as it is.
+    result: a measurement; if it already contains these results, it is returned unchanged.
     """
     if all(direction.full_cycle is not None for direction in result.directions):
         return result
@@ -61,7 +64,7 @@ def with_full_cycle(result: Measurement) -> Measurement:
 
 
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
-    """Return why the model does not hold for a direction of a measurement; empty if it does."""
+    """Return the reason why the model does not apply to a direction of a measurement, empty if it applies."""
     if result.gearing is None or sweep.coverage is None:
         return "the full cycle is unknown"
     if result.gearing.travel:
@@ -82,7 +85,7 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
 
 
 def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
-    """Return F'_ior of the full cycle, or why there is none.
+    """Return F'_ior of the full cycle, or the reason why it is not available.
 
     result: a measurement.
     sweep: one of its directions.
@@ -97,15 +100,15 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"
-    # Over a whole cycle the model contains what coarse readings and fitted orders leave out. Over a part it depends on
-    # its prior, so those sources stay.
+    # Over a whole cycle, the model contains the waves that coarse readings and fitted orders omit. Over a part it
+    # depends on its prior, so those sources of uncertainty remain.
     other_uncertainty = sweep.range.others
     if not sweep.is_bound:
         other_uncertainty = combined([source for source in sweep.sources if source.name not in SCATTER])
     ends = _Ends(figure, other_uncertainty)
     low, high = ends.interval_arcsec
     at_least = ends.at_least_arcsec
-    if sweep.is_bound:  # steep waves of no drive: on parts of them the model alone was up to 2 % too high
+    if sweep.is_bound:  # for parts of artificial steep waves, the model alone was up to 2 % too high
         low = min(low, sweep.range.interval[0])
         at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
@@ -128,7 +131,7 @@ def _is_enough_to_pass(sweep: SweepResult) -> bool:
 
 
 def _rise_by_lines(sweep: SweepResult, posterior: AmplitudePosterior) -> float:
-    """Return the rise of F'_ior in another cycle by the lines of a fit [arcsec]; 0 if they are waves of high orders.
+    """Return the rise of F'_ior in another cycle due to a fit's lines [arcsec], 0 if they are waves of high orders.
 
     A line is such a wave, or its image, if both have the same phases at all readings: the mean of exp(2 pi i (f - l) t)
     or of exp(2 pi i (f + l) t) over the readings is near 1, with the line at l and the wave at f periods per input
@@ -153,9 +156,10 @@ def _rise_by_lines(sweep: SweepResult, posterior: AmplitudePosterior) -> float:
 
 
 class _Ends:
-    """Ends of F'_ior by the samples of the model, with the sources of uncertainty that these do not contain.
+    """Ends of the interval of F'_ior from samples of the model, with sources of uncertainty outside the model.
 
-    figure: the samples. others: standard uncertainty by those sources [arcsec].
+    figure: the samples.
+    others: standard uncertainty due to those sources [arcsec].
     """
 
     def __init__(self, figure: RangeFigure, others: float) -> None:
@@ -164,48 +168,56 @@ class _Ends:
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
-        """95 % interval, not below 0."""
+        """The 95 % interval, not below 0."""
         low, high = self._figure.interval_arcsec
         return self._lower(low, COVERAGE_FACTOR), self._upper(high, COVERAGE_FACTOR)
 
     @property
     def at_least_arcsec(self) -> float:
-        """Largest limit that is exceeded with a probability of 95 %."""
+        """The largest limit that is exceeded with a probability of 95 %."""
         return self._lower(self._figure.lower_arcsec(SURE), GUARD)
 
     @property
     def at_most_arcsec(self) -> float:
-        """Smallest limit that is met with a probability of 95 %."""
+        """The smallest limit that is met with a probability of 95 %."""
         return self._upper(self._figure.upper_arcsec(SURE), GUARD)
 
     @property
     def cycle_uncertainty_arcsec(self) -> float:
-        """Standard uncertainty of F'_ior by the samples alone: a quarter of their 95 % interval."""
+        """The standard uncertainty of F'_ior from the samples, a quarter of their 95 % interval."""
         low, high = self._figure.interval_arcsec
         return (high - low) / (2 * COVERAGE_FACTOR)
 
     @property
     def part_uncertainty_arcsec(self) -> float:
-        """Standard uncertainty of the range of the recorded part by the samples alone, below its median."""
+        """The standard uncertainty of the range of the recorded part from the samples below its median."""
         return (self._figure.median_seen_arcsec - self._figure.interval_arcsec[0]) / COVERAGE_FACTOR
 
     def _lower(self, end: float, factor: float) -> float:
-        """Return a lower end with as many standard uncertainties of the other sources below it as in its interval."""
+        """Return a lower end extended by the other sources of uncertainty.
+
+        end: lower end from the samples.
+        factor: number of standard uncertainties.
+        """
         median = self._figure.median_seen_arcsec
         return max(0.0, median - hypot(median - end, factor * self._others))
 
     def _upper(self, end: float, factor: float) -> float:
-        """Return an upper end in the same way."""
+        """Return an upper end extended by the other sources of uncertainty.
+
+        end: upper end from the samples.
+        factor: number of standard uncertainties.
+        """
         median = self._figure.median_arcsec
         return median + hypot(end - median, factor * self._others)
 
 
 def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:
-    """Return the readings of a direction as `measure` has cleaned them.
+    """Return the readings of a direction as corrected by `measure`.
 
     sweep: a direction of a measurement.
-    ratio: input revolutions for each output revolution.
-    Raises DataError for readings that are no recording.
+    ratio: input revolutions per output revolution.
+    Raises DataError if the readings do not form a recording.
     """
     bins = sweep.bins
     error = bins.error.copy()
@@ -222,7 +234,7 @@ def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:
 
 
 def _blocks(sweep: SweepResult) -> float:
-    """Return the largest number of blocks of readings that the model makes of a direction."""
+    """Return the largest number of blocks of readings that the model can form from a direction."""
     bins = sweep.bins
     revolutions = 0.0
     for level in range(bins.levels):

@@ -231,7 +231,7 @@ def _settled(
     """
 
     def with_these(lines: Array) -> TraceFit:
-        """Return the fit with some lines."""
+        """Return the fit with the given lines."""
         return fit_orders(fit.bins, base.orders, base.slow, lines=lines, base=base)
 
     with suppress(UntrustedError):  # the line may have moved onto a fitted order

@@ -284,12 +284,13 @@ class TraceDesign:
     def __init__(
         self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), base: TraceDesign | None = None
     ) -> None:
-        """Form the normal equations, and factor them.
+        """Form the normal equations and factor them.
 
-        orders: per input revolution, rising, shape (orders,).
-        slow: terms besides the orders.
-        base: design of the same bins with fewer orders, whose rows and products are used again if it has the same slow
-            terms and its orders are among these.
+        bins: averages of the recording.
+        orders: orders per input revolution, increasing, shape (orders,).
+        slow: terms other than the orders.
+        base: design of the same bins with fewer orders. Its rows and products are reused if its slow terms are the same
+        and its orders are among the given ones.
         """
         self.bins = bins
         self.orders = orders
@@ -309,7 +310,7 @@ class TraceDesign:
         self._factor()
 
     def _factor(self) -> None:
-        """Set the condition of the normal equations, and the root of their inverse."""
+        """Set the condition number of the normal equations and the root of their inverse."""
         # scaling to a unit diagonal, so that the condition number describes the angles
         scale = 1 / np.sqrt(np.diag(self.gram))
         values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
@@ -323,12 +324,12 @@ class TraceDesign:
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
     def _contains(self, other: TraceDesign) -> bool:
-        """Return whether all columns of another design are columns of this one, whose slow terms come last."""
+        """Return whether this design contains all columns of another one with the same slow terms."""
         is_alike = self.slow == other.slow and not self.slow.order_changes
         return is_alike and bool(np.isin(other.orders, self.orders).all())
 
     def _set_added_columns(self) -> None:
-        """Find the columns of the base in this design, and those of the added orders."""
+        """Set the indices of the base's columns in this design, and those of the added orders."""
         is_added = np.zeros(len(self.orders), bool)
         if self._base is not self:
             is_added = ~np.isin(self.orders, self._base.orders)
@@ -349,7 +350,9 @@ class TraceDesign:
         return gram
 
     def _bordered_equations(self) -> Array:
-        """Return the same products, formed with added columns only: the others are those of the base."""
+        """Return the weighted products of the columns, computed for added columns and copied from the base for the
+        others.
+        """
         gram = np.empty((self.columns, self.columns))
         gram[np.ix_(self._kept, self._kept)] = self._base.gram
         products = self._moments(lambda rows: order_columns(self.bins.turns[rows], self._added_orders))
@@ -399,14 +402,17 @@ class TraceDesign:
         return self.root @ (self.root.T @ self._moments(curves))
 
     def _sum(self, rows: slice, unknowns: Array) -> Array:
-        """Return the sum of all columns times unknowns at a part of the bins, shape (rows, ...)."""
+        """Return the sum of all columns times their unknowns at a part of the bins, shape (rows, ...)."""
         values = self._base._rows(rows.start) @ unknowns[self._kept]
         if len(self._added):
             values += order_columns(self.bins.turns[rows], self._added_orders) @ unknowns[self._added]
         return np.asarray(values)
 
     def _moments(self, curves: Callable[[slice], Array]) -> Array:
-        """Return the weighted products of all columns with curves, shape (columns, ...)."""
+        """Return the weighted products of all columns with curves, shape (columns, ...).
+
+        curves: function that returns the values at a slice of the bins.
+        """
         # computed in parts, because the whole design may not fit into memory
         parts = []
         for rows in self._parts:
