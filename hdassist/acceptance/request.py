@@ -312,7 +312,7 @@ def _recorded_values(
 ) -> dict[Limit, AcceptedValue]:
     """Return the values of a recording for limits that also have a reported value, to report the conflict.
 
-    A recording at other torques only gives no value.
+    A recording that only has other torques gives no value.
     """
     # such a recording gives no value at the torque, so it does not contradict a reported one
     if measurement.trace.is_between_torques:

@@ -39,7 +39,7 @@ _CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the r
 _FEWEST_PERIODS = 3.0  # fewest periods of a line in the recording; with fewer it looks like drift
 # highest order of a line, as a multiple of the highest fitted order: averages over bins attenuate faster lines
 _HIGHEST_LINE = 4.0
-_TORQUE_LINE = 0.5  # a line that leaves less than this share of the slope over the torque is part of the wind-up
+_TORQUE_LINE = 0.5  # share of the slope over the torque that must remain with a line, which otherwise is part of the wind-up
 _SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
 _MAX_LINES = 8  # most lines
 _ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line
@@ -53,7 +53,7 @@ _MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings: with mo
 _NAMED_LINES = 3  # most lines named in a message
 _STEP_TURNS = 0.5  # input revolutions compared on each side of a step
 _FEWEST_BESIDE_STEP = 8  # fewest readings on each side
-_SHARP = 0.7  # share of a step that a quarter of the readings beside it have to show
+_SHARP = 0.7  # smallest share of a step over a quarter of the adjacent readings
 _STEP_SIGMAS = 8.0  # robust standard deviations of such differences that a step exceeds
 # Smallest step, as a share of the range of the fitted curve: a smaller one is left to the noise.
 _STEP_RANGE_SHARE = 0.1

@@ -36,7 +36,7 @@ from hdassist.readers.words import TURN_ARCSEC
 # A lag is fitted to the levels if the speeds of sweeps differ by this share of the largest one.
 _LEAST_SPEED_APART = 0.2
 _LEAST_SPEED_CHANGE = 0.02  # a lag is fitted within sweeps if their speed changes by this share
-# Smallest change of torque that matters, as a share of the largest torque: less winds up too little.
+# Smallest relevant change of torque, as a share of the largest torque: smaller ones cause hardly any wind-up.
 _LEAST_CHANGE = 0.01
 _LOAD_APART = 0.1  # smallest part of a torque's changes that follows neither orders nor slow terms
 _SAME_TORQUE = 0.02  # relative difference up to which a recorded torque counts as the requested one

@@ -350,9 +350,7 @@ class TraceDesign:
         return gram
 
     def _bordered_equations(self) -> Array:
-        """Return the weighted products of the columns, computed for added columns and copied from the base for the
-        others.
-        """
+        """Return the weighted products of the columns, copied from the base except for added columns."""
         gram = np.empty((self.columns, self.columns))
         gram[np.ix_(self._kept, self._kept)] = self._base.gram
         products = self._moments(lambda rows: order_columns(self.bins.turns[rows], self._added_orders))
@@ -360,7 +358,7 @@ class TraceDesign:
         gram[self._added] = products.T
         return gram
 
-    @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
+    @lru_cache(maxsize=4)  # noqa: B019 - four parts in all: most recordings have fewer, and fits use them repeatedly
     def _rows(self, start: int) -> Array:
         """Return up to DESIGN_CHUNK rows of the design, shape (rows, columns).
 

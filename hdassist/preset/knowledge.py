@@ -222,7 +222,7 @@ def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
         yield path, f"{K:g} N*m/rad is {K / K_3:.2g} times K3 of catalogue drives of this size", usual
 
 
-# --- the cam's support by its coupling
+# --- support of the wave generator, by its coupling
 
 SUPPORT_FIELD = "supports.C_3"
 COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")

@@ -4,9 +4,10 @@ Decimal numbers have a point, or a comma throughout the file unless commas separ
 may precede the rows; in a table of numbers it may be a comment. The first lines determine the separator, the decimal
 mark and the number of columns; all rows are then read by the same rules.
 
-Files of other programs are recognised by their first lines. Two kinds are converted to rows of a table in the same
-lines. PHD2 guide log: see `readers/guiding.py`. EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time
-in s, motor steps and error in arcsec.
+Files of other programs are recognised by their first lines. Two kinds are converted to rows of a table with the same
+line numbers:
+PHD2 guide log: see `readers/guiding.py`.
+EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time in s, motor steps and error in arcsec.
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     span = float(np.ptp(angle))
     longest = float(steps.max(initial=0.0))
     wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in _COUNTER_BITS))
-    # a revolution first, then counters from the smallest
+    # a revolution first, then counters in order of size
     for wrap in wraps:
         if span <= wrap < 2 * longest:
             # distance that the shaft moved over the wrap
@@ -913,7 +913,7 @@ def _leap_in(values: Array) -> int | None:
 def _even_step(levels: Array, least: float) -> float:
     """Return the step of increasing levels that are multiples of it apart, or 0 without such a step.
 
-    Levels closer together than the least spacing count as equal.
+    least: smallest spacing of distinct levels; closer levels count as equal.
     """
     spacing = np.diff(levels)
     # differences due to rounding of printed digits are ignored
