@@ -32,7 +32,7 @@ from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
 _LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
 _AROUND = 5  # fewest readings for the fit of a parabola
-TINY = 1e-30  # N*m
+TINY = 1e-30  # N*m: avoids division by 0
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _SHRINK = 2.0  # multiple of the variance due to scatter that is subtracted from the variance of mean deviations
 # Factor on the spread of a range whose bias was removed: the correction repeats the scatter of the estimate.
@@ -434,8 +434,8 @@ def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
 class _Approaches:
     """Approaches of positions, sorted by target and then by side.
 
-    side: 1 or -1, shape (rows,).
-    deviation_arcsec: shape (rows,).
+    side: side of each approach, 1 or -1, shape (rows,).
+    deviation_arcsec: deviation from the target, shape (rows,).
     positions: rows of each position.
     groups: rows of each position and side.
     """

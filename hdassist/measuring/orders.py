@@ -38,7 +38,7 @@ _FULL_CYCLE_DEG = 720.0  # output angle of the longest full mesh cycle
 _LEAST_RATIO = 10.0
 _GREATEST_RATIO = 1000.0
 _RATIO_ROUNDING = 1e-9
-_ORDER_ROUNDING = 1e-9  # orders per input revolution
+_ORDER_ROUNDING = 1e-9  # orders per input revolution: largest rounding error
 FULL_SHARE = 0.95  # share of the cycle from which the full cycle counts as covered
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 _HIGHEST_ORDER = 200.0
@@ -520,7 +520,7 @@ class _Sidebands:
         pair = fit.pair(indices)
         noise = fit.covariance(pair)
         orders = joint.per_cam_rev + numbers[: len(numbers) // 2] / ratio
-        projection = fit.design.project(lambda rows: order_columns(fit.bins.turns[rows], orders))[pair]  # B
+        projection = fit.design.project(lambda rows: order_columns(fit.bins.turns[rows], orders))[pair]  # matrix B
         share = 4.0 ** -np.maximum(np.abs(numbers) - 1.0, 0)  # share of the variance
         variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
         for _ in range(_SIZE_ITERATIONS):

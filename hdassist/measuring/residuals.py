@@ -39,7 +39,7 @@ _CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the r
 _FEWEST_PERIODS = 3.0  # fewest periods of a line in the recording; with fewer it looks like drift
 # highest order of a line, as a multiple of the highest fitted order: averages over bins attenuate faster lines
 _HIGHEST_LINE = 4.0
-_TORQUE_LINE = 0.5  # share of the slope over the torque that must remain with a line, which otherwise is part of the wind-up
+_TORQUE_LINE = 0.5  # smallest share of the slope over the torque that remains with a line; less shows a wind-up
 _SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
 _MAX_LINES = 8  # most lines
 _ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line

@@ -320,7 +320,7 @@ class TraceDesign:
         if self.condition > _WORST_CONDITION:
             hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
             raise UntrustedError("the recorded angles do not resolve the declared orders", hint, Fault.ORDERS_UNTOLD)
-        # the symmetric root: vectors of values that are nearly equal are a matter of rounding, and draws with them
+        # the symmetric root, because eigenvectors of nearly equal eigenvalues, and draws with them, depend on rounding
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
     def _contains(self, other: TraceDesign) -> bool:

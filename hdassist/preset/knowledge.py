@@ -229,7 +229,7 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
-    """Return the drive with supports.C_3 from its coupling, assumed within a range; None if a dimension is missing."""
+    """Return the drive with supports.C_3 estimated from its coupling, within a range; unknown without dimensions."""
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness [N/mm], and its range
@@ -318,7 +318,7 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     if stated_size:
         size = stated_size
         stiffness_ratio = _stiffness_ratio(size.value, K)
-    # stiffness grows with the cube of the diameter
+    # the diameter follows from the cube law of stiffness
     elif K:
         d = _rounded(REFERENCE * (K[-1] / CATALOGUE_K3) ** (1 / 3))
         reason = f"{d:g} mm from K3 = {plain(K[-1])} N*m/rad, which increases with d^3 in catalogues"

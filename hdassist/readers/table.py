@@ -235,7 +235,7 @@ class NumberTable:
             # the same word is used for two units
             if plain_unit(foreign) == "grad":
                 fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
-            elif scaled_unit_in(name):  # a unit that an option states would not have the factor
+            elif scaled_unit_in(name):  # a unit stated in an option would not include the factor
                 fault = f"a unit with a factor, or of another quantity than {quantity}"
                 hint = (
                     f"convert the column to one unit of {quantity}, and write it in the name, for example [{default}]"

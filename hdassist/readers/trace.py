@@ -183,18 +183,18 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     steps = steps[steps > 0]
     if not len(steps):
         raise AngleError(0, "the angle does not change", "check the column of the angle")
-    # of the rows in which the shaft moved
+    # median step over the rows in which the shaft moved
     step = float(np.median(steps, overwrite_input=True))
     moves = _moves(angle, max(_JITTER, min(_TURNING_STEPS * step, _WIDEST_TURNING)))
     for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
-        # a real move back, or a few rows before the first move
+        # the shaft really moved back, or there are only a few rows before the first move
         if len(back) >= _FEW_ROWS or (before is moves[0] and len(before) < _FEW_ROWS):
             continue
         row = back.start
         last = before.stop - 1
         is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
         follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
-        if not (is_leap and follows):  # no restart of the same move
+        if not (is_leap and follows):  # not a restart of the same move
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
             raise AngleError(row, message, "sort the rows by time (--robust does not sort), or use --wrap 360")
     return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
@@ -235,7 +235,7 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     direction = 0
     for row in ends:
         gap = float(angle[row] - angle[extreme])
-        # further in the same direction
+        # the shaft moved further in the same direction
         if direction and direction * gap >= 0:
             extreme = row
         # far enough back to be a reversal of the shaft
@@ -333,7 +333,7 @@ class _TraceColumn:
     index: index of the column.
     shaft: shaft of its angle, None for errors.
     unit: unit stated by the file or an option, or counts per revolution.
-    size: size of the unit or count [arcsec]; for a unit of time, the output angle per unit.
+    size: size of the unit or count [arcsec]; for a unit of time, the angle of the shaft per unit.
     """
 
     index: int
@@ -940,12 +940,12 @@ def _step_in_time(
     Angles of a rotating shaft seldom repeat, but the steps between them do. Steps over missing rows are excluded.
     """
     turned = np.abs(np.diff(cam))
-    # steps over missing rows are longer
+    # steps over missing rows are longer and therefore excluded
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
     steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
     # the extremes include backlash where the shaft reverses
     steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]
-    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
+    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # smaller differences are due to rounding of printed digits
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
     # if the angles are uneven by more than a step, rounding is noise and counted as such

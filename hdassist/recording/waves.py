@@ -42,7 +42,7 @@ _HIGHEST_ORDER = 36  # the highest odd order
 # 2.6 % of the true one, without them 90 +- 8 %.
 _HIGHEST_FINE_ORDER = 80
 _POINTS_PER_PERIOD = 2.2  # blocks per period of the highest order
-USUAL_SIDEBANDS = 6  # on each side of an order
+USUAL_SIDEBANDS = 6  # sidebands on each side of an order
 _VISITED_REV = 0.009  # input revolutions: a position with a reading within this distance on either side is covered
 _PHASE_POINTS_PER_REV = 1024  # points per input revolution for the phases of two waves
 _SAME_READINGS = 0.9  # agreement of phases above which two waves have the same readings
