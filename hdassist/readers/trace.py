@@ -945,7 +945,7 @@ def _step_in_time(
     steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
     # the extremes include backlash where the shaft reverses
     steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]
-    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # smaller differences are due to rounding of printed digits
+    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # smaller ones are due to rounding
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
     # if the angles are uneven by more than a step, rounding is noise and counted as such

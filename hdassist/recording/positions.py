@@ -186,7 +186,7 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     if {1, -1} <= set(senses):
         raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
     turned = -1 if -1 in senses else 1
-    place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length  # equal places are equal bit by bit
+    place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length  # equal bit by bit
     centred = recording.error_arcsec - recording.error_arcsec.mean()
     flipped = -1 if centred[np.argmax(np.abs(centred))] < 0 else 1
     error = flipped * recording.error_arcsec
