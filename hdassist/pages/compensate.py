@@ -25,7 +25,7 @@ from hdassist.model.geometry import Array
 from hdassist.report import Curve, Fact, Facts, Json, Report, Table, csv_columns, samples_object
 from hdassist.terminal.words import ENVELOPE, again
 
-UNPROVEN = "No correction by hdassist was tested on a real drive: record the error with it on."
+UNPROVEN = "No correction was tested on a real drive yet: record the error with it on."
 _TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
