@@ -53,7 +53,7 @@ _TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "F_ior_max": ("arcsec", ("M_g",), ()),  # largest value over the mounting phase
     "F_ior_min": ("arcsec", ("M_g",), ()),
     "self_error": ("arcsec", ("M_g",), ()),
-    **{f"K_{k}": ("N*m/rad", (), ("T_1", "T_2")) for k in (1, 2, 3)},  # on the weaker side
+    **{f"K_{k}": ("N*m/rad", (), ("T_1", "T_2")) for k in (1, 2, 3)},  # stiffness on the weaker side
     "lost_motion": ("arcsec", (), ("M_g",)),  # at 4 % of the rated torque by default
 }
 _PARTS: dict[str, tuple[type, str]] = {
@@ -689,7 +689,7 @@ class _Search:
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
         """Return the sets of values at points of shape (unknowns,), with their predictions."""
-        # values are rounded before the computation, so that the results belong to the printed values
+        # rounding before the computation makes the results belong to the printed values
         sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(
@@ -722,7 +722,7 @@ class _Search:
 
     def _jacobian(self, point: Array) -> Array:
         """Return the slopes of the residuals over the cube, shape (residuals, unknowns), from differences."""
-        # steps point inwards, so that no difference leaves the cube
+        # inward steps keep all differences within the cube
         steps = np.where(point < 0.5, _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
         return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)

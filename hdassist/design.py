@@ -76,7 +76,7 @@ class OperatingPoint:
 
     @property
     def F_ior_or_error(self) -> float:
-        """F'_ior [arcsec], or without samples that of the nominal values with unknown deviations of 0."""
+        """F'_ior [arcsec]; without samples, F'_ior of the nominal drive with unknown deviations of 0."""
         as_given = self.error.F_ior_arcsec if self.error else np.nan
         return as_given if self.F_ior_arcsec is None else self.F_ior_arcsec
 
@@ -292,13 +292,13 @@ def check(
     Raises UsageError for an unknown solver. Raises UntrustedError if a result cannot be trusted, or if the preset's
     catalogue contradicts its other values.
     """
-    # measured wheels replace harmonics and turn the rest of their angle into the cam's
+    # measured wheels replace harmonics, and the fraction of a tooth in their angle shifts the cam eccentricity
     shown_drive, teeth = measured.in_drive(drive) if measured else (drive, None)
-    # an unknown solver is refused before the work
+    # an unknown solver is refused before the computation
     require_solver(run.cross_check or CROSS_SOLVER)
     assumed_drive, prior = beside_measured_teeth(drive, measured)
     require_programme(drive, run)
-    # self errors and limits first: they leave the room for F'_ior
+    # self errors and limits come first because they determine the room for F'_ior
     points = _unsolved_points(
         drive,
         is_open=bool(prior.fields),
@@ -333,7 +333,7 @@ def check(
                 run=run,
             ),
         )
-    # percentiles, probabilities and contributions
+    # samples give percentiles, probabilities and contributions
     if samples:
         checked = checked.with_samples(samples)
     return _with_solved_errors(checked, shown_drive, teeth, solver, run)
@@ -348,7 +348,7 @@ def _with_solved_errors(
 ) -> DesignCheck:
     """Return a check with the error of the full cycle at each torque, its cross-checks and its options.
 
-    The error is that of the sample with the median F'_ior, or of the nominal drive without samples.
+    The error belongs to the sample with the median F'_ior, or to the nominal drive without samples.
 
     checked: check with its samples, if there are any.
     shown_drive: the drive, with measured wheels in place of harmonics if there are any.
@@ -356,7 +356,7 @@ def _with_solved_errors(
     solver: as in `check`.
     run: processes, progress and seed.
     """
-    # in the order of the preset, which all pages follow
+    # torques in the sequence of the preset, as on all pages
     torques = checked.drive.operation.M_g
     samples = checked.samples
     drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in range(len(torques))]
@@ -365,7 +365,7 @@ def _with_solved_errors(
     solved = [(drive, teeth, error.sampled(seed=run.seed)) for drive, error in zip(drives, errors, strict=True)]
     checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
-    # waits for the other solver
+    # wait for the other solver
     pairs = zip(errors, checks.result(), strict=True)
     return checked.with_errors([replace(error, cross_check=cross_check) for error, cross_check in pairs])
 
@@ -685,7 +685,7 @@ class Swept:
     F_ior_arcsec: F'_ior [arcsec], NaN for a row without a result, in the sweep's shape.
     states, max_residual: number of solved states and largest residual of all rows.
     failed: number of rows without a result.
-    reason: reason of the first of them.
+    reason: reason why the first row has no result.
     exit_codes: exit codes of all rows without a result.
     """
 

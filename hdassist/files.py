@@ -35,8 +35,8 @@ from hdassist.errors import DataError, Fault, Finding, PresetError, UsageError
 
 STDIN = "<stdin>"
 _GZIP = b"\x1f\x8b"
-MAX_LINE = 10_000  # characters
-PART = 1 << 18  # bytes that are read at once
+MAX_LINE = 10_000  # longest line, in characters
+PART = 1 << 18  # bytes per read
 _NOT_UTF_8 = re.compile("[\udc80-\udcff]")
 
 Readable = str | Path | bytes | IO[bytes] | IO[str]

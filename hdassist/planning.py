@@ -34,7 +34,7 @@ _FEWEST_POSITIONS = 6  # smallest number of positions that is tried
 _MOST_A_CAM_TURN = 5  # largest number of positions that is tried, per input revolution
 _RANDOM_STARTS = 256  # starts over all samples
 _LEAST_STARTS = 16  # smallest number of starts of each sample
-_LEAST_ARCSEC = 1e-9  # arcsec; added to errors, so that a test captures all of an error of 0
+_LEAST_ARCSEC = 1e-9  # arcsec; added to errors, which makes a test capture all of an error of 0
 _LISTED_LINES = 12  # number of the largest lines that are listed
 _NEVER = Probability(0.0, 0.0, 0.0)  # probability of a wrong verdict of a test that captures everything
 SEEN_SHARE = 0.95  # captured share of F'_ior that is sufficient without a limit
@@ -675,7 +675,7 @@ def _curves_of_drives(
 ) -> _RoughCurves:
     """Return the error of sampled drives over the full cycle, including that due to rough teeth.
 
-    The certificate is that of the rough teeth.
+    The certificate covers only the rough teeth.
 
     drive: the drive.
     lines: lines of the error at the torque.

@@ -72,7 +72,7 @@ _UNRELATED = (
     "numerics.n_phase",
     "uncertainty.",
 )
-_FieldRow = tuple[ResolvedField, ...]  # a field of each drive
+_FieldRow = tuple[ResolvedField, ...]  # one field, for each drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,7 +348,7 @@ def _paired(
     assert one.samples and other.samples
     count = len(rows)
     shares = _paired_shares(one, other, rows, run)
-    # the same shares on both drives: only what differs between them counts
+    # both drives have the same shares, so only their differences count
     samples = other.samples
     certificate = EMPTY
     if one.evidence or other.evidence or not np.array_equal(shares[:, :-1], samples.shares):
@@ -356,11 +356,11 @@ def _paired(
         certificate = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
     gains = _likelihood_gains(one, other, rows[solved], samples)
-    # importance weights from the reference data of the first drive to those of the second
+    # importance weights replace the reference data of the first drive by those of the second
     weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
-    # as many pairs as samples, by their weight
+    # select as many pairs as samples, by weight
     even = even_rows(weights, count)
     second_drives = map(other.drive.with_values, samples.values(even))
     return DrivePairs(
@@ -716,7 +716,7 @@ class _SingleChanges:
     """Changes of F'_ior due to single fields, from first drives to second ones, at the torques of the first."""
 
     drives: Sequence[tuple[Drive, Drive]]
-    torques: Sequence[float]  # N*m
+    torques: Sequence[float]  # torques [N*m]
     is_drawn: bool  # whether the drives are samples
     run: Run
     certificate: Certificate  # certificate of all states, including those of changes once they are solved

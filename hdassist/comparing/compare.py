@@ -81,8 +81,8 @@ class Explanation:
     not_told_apart: names of deviations that the recording does not distinguish, one tuple per combination.
     chi_square: chi-square of the fit.
     degrees_of_freedom: its degrees of freedom.
-    explained_share: removed share of the chi-square above that of noise; None if there is none above it.
-    clear: whether the fit is better than chance makes it.
+    explained_share: share of the excess chi-square over noise that the fit removes; None if there is no excess.
+    clear: whether the improvement is too large for chance.
     sufficient: whether the residual is within noise.
     overrides: new values in the format of --set; empty if one of them is not identifiable.
     alignment: fitted alignment of the recording.
@@ -167,7 +167,7 @@ def _explained_share(
     base: VectorFit,
     fitter: VectorFitter,
 ) -> float | None:
-    """Return the share of the chi-square above that of noise that a fit removes; None if there is none above it."""
+    """Return the share of the excess chi-square over noise that a fit removes; None if there is no excess."""
     freedom = fitter.record.freedom
     # the expected chi-square of noise alone is its degrees of freedom
     excess_before = base.chi_square - freedom(len(base.free))
@@ -584,7 +584,7 @@ class _Difference:
         solved_curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
         # the difference is fitted like the recording, with the same design
         fit = TraceFit(sweep.fit.design, sweep.bins.error - solved_curve, sweep.fit.lines)
-        predicted = record.measured - fit.coefficients  # (2 orders,)
+        predicted = record.measured - fit.coefficients  # shape (2 orders,)
         return cls(
             fit=fit,
             # a drift of the prediction is also a sideband

@@ -257,7 +257,7 @@ class VectorFitter:
         for _ in range(_MOST_STEPS if len(free) else 0):
             jacobian, directions, _, sizes = self._linearized(unknowns, fitted, waves)
             step = np.zeros_like(unknowns)
-            step[free] = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # (15)
+            step[free] = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # equation (15)
             step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = float(residual @ residual)
             for share in _STEP_SHARES:
@@ -269,7 +269,7 @@ class VectorFitter:
             if before - float(residual @ residual) < max(_SMALLEST_GAIN, _SMALLEST_GAIN_SHARE * before):
                 break
         _, directions, unidentifiable, sizes = self._linearized(unknowns, fitted, waves)
-        covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
+        covariance = np.asarray((directions / sizes**2) @ directions.T)  # equation (16), shape (f, f)
         return VectorFit(
             unknowns=unknowns,
             fitted=fitted,
@@ -316,12 +316,12 @@ class VectorFitter:
             return np.zeros((len(free), 0))
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
         is_pinned = np.array([bool(pinned[wheel == _WHEEL].any()) for wheel in range(2)])
-        turns = self.record.turns[:, list(self.angles)]  # (2 wheels, angles)
-        gauges = null_space(turns * is_pinned[:, None])  # (angles, gauges)
+        turns = self.record.turns[:, list(self.angles)]  # shape (2 wheels, angles)
+        gauges = null_space(turns * is_pinned[:, None])  # shape (angles, gauges)
         back = np.radians(
             np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])])
         )  # rows: flexspline, circular spline and wave generator
-        moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[_WHEEL]  # (vectors, gauges)
+        moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[_WHEEL]  # shape (vectors, gauges)
         components = np.stack([moved.real, moved.imag], axis=1).reshape(2 * COUNT, -1)
         directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])
         return np.asarray(np.linalg.qr(directions)[0])

@@ -287,7 +287,7 @@ class RecordedOrders:
         """
         result = copy(self)
         # equation (14): each doubtful change adds its own outer product
-        moved = self.predicted(changes, angles)  # (changes, 2 orders)
+        moved = self.predicted(changes, angles)  # shape (changes, 2 orders)
         cosines, sines = self.predicted(waves, angles).reshape(2, -1)
         power = np.tile((cosines**2 + sines**2) / 2, 2)
         result.covariance = self._noise + moved.T @ moved + np.diag(_MODEL_ERROR**2 * power)
@@ -412,7 +412,7 @@ class SolvedStates:
         kinematics = Kinematics.of(drive)
         pitches = (alignment.sense * turns + alignment.zero_deg / 360) * kinematics.teeth_fixed
         first = np.floor(pitches + 1e-6).astype(np.int64) - 1
-        around = np.mod(first[:, None] + np.arange(4), kinematics.cycle_states)  # (turns, 4)
+        around = np.mod(first[:, None] + np.arange(4), kinematics.cycle_states)  # shape (turns, 4)
         index, places = np.unique(around.ravel(), return_inverse=True)
         states = pitch_locked_states(kinematics, index, float(np.radians(alignment.start_deg)))
         error = kinematic_error(

@@ -266,7 +266,7 @@ def correction_of(
     F_ior_arcsec: Array | None = None,
     misfit: float | None = None,
 ) -> Correction:
-    """Return the corrections of a drive from possible drives.
+    """Return the corrections of a drive, fitted to possible drives.
 
     drive: the drive.
     drives: values of the possible drives, by path.
@@ -437,7 +437,7 @@ def _forms_to_compare(
 
 
 def _corrected_torques(chosen: FormResiduals, torques: Sequence[float]) -> list[float]:
-    """Return the torques [N*m] with a correction: the first, and with a table for each load those that it improves."""
+    """Return the torques [N*m] with a correction: the first, and further ones that a table for each load improves."""
     corrected = [torques[0]]
     if chosen.form.each_load:
         for M_g, residual in zip(torques[1:], chosen.residuals[1:], strict=False):
@@ -556,7 +556,7 @@ def _exported(
     """
     form = chosen.form
     lines = errors[M_g].lines
-    # the single correction is that of the mean error of the drives
+    # a single correction is fitted to the mean error of the drives
     exported = replace(
         form.fitted(lines.mean, M_g),
         preset=preset,
@@ -590,7 +590,7 @@ def _with_uncertainty(phasors: Phasors, lines: ErrorLines) -> Phasors:
     # lines are numbered by their periods per cycle
     per_cycle = np.rint(phasors.per_cam_turn * lines.kinematics.cycle_cam_revolutions)
     vectors = lines.amplitude[:, np.isin(lines.per_cycle, per_cycle)]
-    # the spread along the mean vector is that of the amplitude, the spread across it that of the phase
+    # the spread along the mean vector gives the uncertainty of the amplitude, the spread across it that of the phase
     turned = vectors / np.exp(1j * np.radians(phasors.phase_deg))  # real for lines with the phase of the mean
     phase_rad = turned.imag.std(axis=0) / np.maximum(phasors.amplitude_arcsec, _LEAST_AMPLITUDE)
     return replace(
@@ -610,7 +610,7 @@ def _residuals_of(
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
     fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
-    # an absolute encoder of the input only loses whole revolutions
+    # with an absolute encoder on the input only, whole revolutions may be lost
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
     # besides the correction itself, consider errors in its use: a wrong zero and lost revolutions
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]

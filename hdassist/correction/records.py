@@ -155,7 +155,7 @@ class RecordedError:
         """Return the share of the full cycle assigned to each reading, up to the middle of the gap on both sides."""
         order, gaps = self._gaps(kinematics)
         weights = np.empty(len(order))
-        # half of the gaps on both sides
+        # half of the gap on each side
         weights[order] = (gaps + np.roll(gaps, 1)) / 2
         return weights
 
@@ -599,7 +599,7 @@ def recorded_lines(
     shrunk_lines = replace(fitted, amplitude=kept_share * fitted.amplitude)
     with_peaks = with_more_lines(shrunk_lines, _peaks_of(record, shrunk_lines).lines(lines.kinematics))
     # the power removed by shrinking may be error that the noise happens to cancel
-    # at the lowest plausible noise, in phase with the fitted lines: peaks stay peaks
+    # at the lowest plausible noise, and in phase with the fitted lines, which preserves peaks
     lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)
     # share of the lost error that noise hides in each drive
     hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]

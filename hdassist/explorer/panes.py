@@ -65,12 +65,12 @@ _TICKS = tuple(
 
 
 def _torque_style(place: int) -> str:
-    """Return the style of a torque; place: its index."""
+    """Return the style of the torque with an index."""
     return _INK[place % len(_INK)]
 
 
 def _torque_sign(place: int, sure: str = SURE_RANGE) -> str:
-    """Return the bar of a torque, which can be distinguished without colour; place: index of the torque."""
+    """Return the bar of the torque with an index, which can be distinguished without colour."""
     line = _BAR_LINES[place % len(_BAR_LINES)]
     return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(_BAR_LINES)]}{line}"
 
@@ -89,7 +89,7 @@ class KeyedTable(DataTable[Text]):
         self.cell_padding = 0
 
     class Resized(Message):
-        """The space of a table has changed."""
+        """Message that the space of a table has changed."""
 
     def on_resize(self) -> None:
         """Request a redraw in the new size."""
@@ -101,7 +101,7 @@ class KeyedTable(DataTable[Text]):
         columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
             shown = {str(column.label): column.width for column in self.columns.values()}
-            # the same rows: only cells that changed are drawn, and the cursor stays
+            # with the same rows, only changed cells are drawn and the cursor stays
             if shown == columns and [key.value for key in self.rows] == list(rows):
                 for key, cells in rows.items():
                     for column, cell in zip(self.columns, cells, strict=True):
@@ -109,7 +109,7 @@ class KeyedTable(DataTable[Text]):
                             self.update_cell(key, column, cell)
                 return
             before = self.key
-            # other rows or widths: the table is built anew
+            # with other rows or widths, the table is rebuilt
             self.clear(columns=True)
             for head, width in columns.items():
                 self.add_column(Text(head), width=width)
@@ -158,7 +158,7 @@ class Holes(KeyedTable):
         for place in places:
             # measured values of this position
             measured = [reading.value for reading in readings if abs(reading.rotation_deg - place) < 1e-6]
-            # the pinned drive lies behind the present one
+            # the pinned drive is drawn behind the present one
             marks = [*_range_marks(found, behind, place, [limit for limit in limits if limit <= top])]
             marks += [(value, value, "◆", _INK[2]) for value in measured]
             name = _place_name(session, place, letters.get(place, "") + ("◆" if measured else ""))
@@ -368,11 +368,11 @@ class Levers(KeyedTable):
         wanted: words of the filter.
         is_grouped: whether fields are in the preset's sequence.
         """
-        # uncertain fields, then those that were changed
+        # the mark of a changed field replaces that of an uncertain field
         marks = {field.path: "?" for field in prior_of(session.drive).fields}
         marks |= {path: "*" for path, _ in session.changes}
         steps = effects.steps
-        # every word has to occur somewhere
+        # every word must occur in the path or the meaning
         search_words = wanted.lower().split()
         shown_rows = {
             row.path: row
@@ -380,13 +380,13 @@ class Levers(KeyedTable):
             if all(word in f"{row.path} {row.meaning}".lower() for word in search_words)
             and (search_words or row.path in steps or row.path.split(".")[0] not in SETTING_SECTIONS)
         }
-        # rows keep the order of the last sorting
+        # rows keep the sequence of the last sorting
         order = [] if is_grouped else [path for path in self.order if path in shown_rows]
         cells = {
             path: _lever_cells(shown_rows[path], marks, effects, torque)
             for path in dict.fromkeys([*order, *shown_rows])
         }
-        # what is left for the meaning of a field
+        # remaining width for the meaning of a field
         room = self.size.width - sum(max((len(row[k]) for row in cells.values()), default=0) for k in (0, 2, 3, 4)) - 2
         rows = {}
         for path, (name, meaning, *ranges) in cells.items():

@@ -5,7 +5,7 @@ The server process ends together with the explorer, however the explorer ends, a
 
 import os
 
-import hdassist.explorer.compute  # noqa: F401 (so that forked processes have it)
+import hdassist.explorer.compute  # noqa: F401 (forked processes inherit the module)
 from hdassist.run.run import begin_worker
 
 begin_worker(os.getppid())

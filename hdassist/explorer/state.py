@@ -285,7 +285,7 @@ def about_field(field: ResolvedField) -> str:
 
 
 def step_of(field: PresetField, value: float) -> float:
-    """Return the step of a field from a value: that of its unit, or about one per cent as a round number.
+    """Return the step of a field from a value: the step of its unit, or about one per cent as a round number.
 
     The step of the unit is used only if it is at most a tenth of the field's range: 5 deg for a phase, but not for a
     pressure angle.

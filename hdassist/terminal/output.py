@@ -170,9 +170,10 @@ class Output:
 
 
 class ProgressBar:
-    """A progress bar with one task, which is called with completed work; style: style of its text.
+    """A progress bar with one task, which is called with completed work.
 
-    The wrapped bar is None if the output is not a terminal.
+    bar: the bar of rich; None if the output is not a terminal.
+    style: style of the text.
     """
 
     def __init__(self, bar: Progress | None, style: Style) -> None:

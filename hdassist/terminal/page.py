@@ -51,10 +51,11 @@ _RESIDUALS = {  # residuals of a certificate, each relative to its scale
 }
 _ASCII_HEAD = box.Box(str(box.SIMPLE_HEAD).replace("─", "-"), ascii=True)
 _OCHRE = "color(136)"  # between green and red, and legible on white and black, unlike a terminal's yellow
-_STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}  # by tone
+# styles by tone
+_STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}
 # replaces a space without a line break, because rich breaks lines at Unicode's no-break spaces; no text contains it
 _UNBROKEN = "\ufffe"
-_UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # also in 7 bits, and the Russian N*m
+_UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # units, also in 7 bits, and the Russian N*m
 _SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # space before a unit or after a sign
 _COMMAND = re.compile("hdassist [a-z]")  # a command, unlike a line that begins with the version
 _SPACE_IN_QUOTES = {  # spaces in quotes, by the kind of quote: an odd number of quotes follows
@@ -66,8 +67,8 @@ _GAP = f"[ {_UNBROKEN}]"
 _NUMBERS_WITH_UNIT = (  # numbers in the reasons of a report
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
 )
-_ANY_WIDTH = 100_000  # columns
-_LONGEST_WORD = 30  # columns
+_ANY_WIDTH = 100_000  # columns, more than any table needs
+_LONGEST_WORD = 30  # largest width of a word that is not broken, in columns
 _PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # texts for verdicts whose own word is too short
 
 

@@ -164,7 +164,7 @@ def sensitivities(
             weights,
             proven=False,
         )
-    # the estimate is a lower bound of F'_ior, so the best size is solved again until the best one has been solved
+    # the estimate is a lower bound of F'_ior, so the best size is solved again until a solved size is the best
     best = _best_size(ways, worst)
     while not ways[best][worst].proven:
         tighter_records = _sound(records(_with_tighter(production, best), len(production.designs)))
