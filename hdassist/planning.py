@@ -39,10 +39,10 @@ _LISTED_LINES = 12  # number of the largest lines that are listed
 _NEVER = Probability(0.0, 0.0, 0.0)  # probability of a wrong verdict of a test that captures everything
 SEEN_SHARE = 0.95  # captured share of F'_ior that is sufficient without a limit
 _ROUGH_NOISE = 0.03  # largest rms of single-tooth noise, as a share of F'_i; uniform from 0 as an engineering estimate
-_ROUGH_ORDERS = range(5, 13)  # orders around a wheel
+_ROUGH_ORDERS = range(5, 13)  # orders of rough teeth around a wheel
 _ROUGH_SIZE = 0.1  # scale of Rayleigh's law, divided by the order
 _ROUGH_WHEELS = 8  # number of random wheels of each kind
-_ROUGH_UM = 50.0  # F'_i at which the random wheels are solved
+_ROUGH_UM = 50.0  # composite deviation F'_i at which the random wheels are solved [um]
 
 
 @dataclass(frozen=True)
@@ -368,7 +368,7 @@ class ApproachRun:
 
 @dataclass(frozen=True)
 class PlannedTest:
-    """A test with the details of its execution.
+    """A test with the details of its execution. The last four fields are None without a limit.
 
     judged: judgement of its plan.
     run: approaches of the positions.
@@ -376,7 +376,7 @@ class PlannedTest:
     uncertainty_arcsec: standard uncertainty of the measured range [arcsec].
     passes_up_to: largest reading at which 95 of 100 drives of the plan meet the limit [arcsec].
     fails_beyond: reading above which a drive exceeds the limit, with its guard band [arcsec].
-    passing, failing: probabilities of readings that pass and that fail. Without a limit, the last four fields are None.
+    passing, failing: probabilities of readings that pass and that fail.
     """
 
     judged: _PlanJudgement
@@ -481,7 +481,7 @@ class PlanChoice:
 class _SampledDrives:
     """Samples of a drive at a torque, with the lines and the curves of their errors."""
 
-    samples: Samples | None  # None without uncertain inputs, when the drive itself is the only sample
+    samples: Samples | None  # samples; None without uncertain inputs, when the drive itself is the only sample
     place: int  # index of the torque
     lines: ErrorLines
     curves: _RoughCurves

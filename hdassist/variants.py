@@ -670,7 +670,7 @@ def drive_changes(
     run: processes, progress and seed.
     Raises UntrustedError if one of the drives has no result that can be trusted.
     """
-    # fields that differ by their values; others may differ by what is drawn
+    # fields whose values differ; other fields may differ in their samples
     differing = differing_fields((first.drive, second.drive))
     is_same = not differing and _has_same_conditions(first.drive, second.drive)
     sampled_pairs = drawn_pairs(
@@ -685,7 +685,7 @@ def drive_changes(
     open_paths = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_paths if single_changes.is_moved(path)]
     paths = dict.fromkeys((*differing, *moved))
-    # few pairs for many fields, then all pairs for the largest
+    # many fields are tried on a few pairs, then those with the largest changes on all pairs
     screened = [change.field for change in single_changes.largest_first(paths, _SCREENED_PAIRS)]
     single = single_changes.largest_first(screened[:_REPORTED_FIELDS], len(single_changes.drives))
     is_unknown = _is_undrawn(first, second) and not is_same

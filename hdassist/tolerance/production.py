@@ -149,7 +149,7 @@ def production_law(
     priors = {field.path: field for field in prior_of(drive).fields}
     # if tolerances are chosen, an assumed size with a value is also a tolerance
     assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
-    own_fields: dict[str, FieldPrior] = {}  # by path, because the orders of a wheel's pitch share their size
+    own_fields: dict[str, FieldPrior] = {}  # fields by path, because the orders of a wheel's pitch share their size
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
         # a size with its own prior is sampled from it
