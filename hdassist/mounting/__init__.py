@@ -1,1 +1,1 @@
-"""Where to mount the fixed wheel: positions, their curve, uncertainty, the card."""
+"""Choice of the hole for the fixed wheel: positions, their curve, uncertainty, and the decision."""

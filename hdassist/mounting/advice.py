@@ -1,4 +1,4 @@
-"""In which hole to mount the fixed wheel: the decision by all that is known of the drive, measured values among it."""
+"""Advice on the hole for the fixed wheel: a decision based on the preset and on measured values."""
 
 from __future__ import annotations
 
@@ -59,18 +59,18 @@ from hdassist.solve.loadcase import CrossCheck
 _VerificationVerdict = Literal["KEEP", "GO_BACK", "MEASURE_AGAIN"]
 _WORD_AFTER: dict[_VerificationVerdict, Word] = {"KEEP": "LEAVE", "GO_BACK": "TURN", "MEASURE_AGAIN": "BEST_BET"}
 
-_FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
-_DOUBTED = 0.5  # probability from which on a value is taken for misread
-# probabilities from which on measuring does not stop: that an unmeasured hole next to the chosen one is better, and
-# that a value which nobody has repeated is misread
+_FORESEEN_VALUES = 6  # number of measured values whose gain is predicted before any is measured
+_DOUBTED = 0.5  # probability above which a value is considered misread
+# probabilities from which measuring continues: that an unmeasured hole next to the chosen one is better, and that a
+# value which was not repeated is misread
 _LIKELY_BETTER = 0.15
 _LIKELY_MISREAD = 0.2
-UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
+UNSHOWN_VALUES = 0.95  # probability of curves that no drive of the preset shows from which the preset is doubted
 
 
 @dataclass(frozen=True)
 class _PredictedValue:
-    """A value to be measured [arcsec]: mean, and 2.5 % and 97.5 % quantiles, the noise of the value included."""
+    """Prediction of a value to be measured [arcsec]: mean, and 2.5 % and 97.5 % quantiles including noise."""
 
     mean_arcsec: float
     low_arcsec: float
@@ -78,12 +78,12 @@ class _PredictedValue:
 
     @classmethod
     def after(cls, posterior: HolePosterior, place: int, trial: Trial) -> _PredictedValue:
-        """Return the prediction of a value of a trial by other values.
+        """Return the prediction of a value of a trial from other values.
 
         Args:
-            posterior: after the other values.
-            place: of the trial's position among those of the posterior.
-            trial: its noise counts, and its torque, which the posterior has.
+            posterior: posterior after the other values.
+            place: index of the trial's position among those of the posterior.
+            trial: trial that gives the noise and the torque, which the posterior must contain.
         """
         samples = posterior.samples
         M_g = samples.setup.point(trial)[1]
@@ -96,10 +96,12 @@ class _PredictedValue:
 
 @dataclass(frozen=True)
 class Verification:
-    """A value measured after an advice, in the hole that the wheel stands in, beside its prediction [arcsec].
+    """A value measured after an advice, in the present hole of the wheel, with its prediction [arcsec].
 
-    mean_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
-    wheel is expected to be better, None where it stays; is_misread, whether the value itself is probably misread.
+    mean_arcsec: mean of the prediction from the previous values.
+    low_arcsec, high_arcsec: 2.5 % and 97.5 % quantiles of the prediction.
+    back_to: value in whose hole the wheel is expected to be better, None if the wheel stays.
+    is_misread: whether the value itself is probably misread.
     """
 
     trial: Trial
@@ -116,29 +118,38 @@ class Verification:
 
     @property
     def verdict(self) -> _VerificationVerdict:
-        """What to do with the wheel: to move it because of a misread value would be wrong."""
+        """Instruction for the wheel, which must not be moved because of a misread value."""
         if self.back_to:
             return "GO_BACK"
         return "MEASURE_AGAIN" if self.is_misread else "KEEP"
 
     @property
     def goal(self) -> Trial:
-        """The value in whose hole the wheel is to be."""
+        """Value in whose hole the wheel should be."""
         return self.back_to or self.trial
 
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """The hole in which to mount the fixed wheel, how sure that is, and the gain of further measurements.
+    """The recommended hole for the fixed wheel, its probability, and the gain of further measurements.
 
-    decision, over samples of all that is not known; setup, how holes are measured; curve, of the drive as the preset
-    has it with unknown deviations as 0, none where holes were measured; samples of the belief; trials, measured values,
-    and after, samples after these; value, of further values; likelier_torque [N*m], at which the values are far more
-    probable than at that of the setup; measured: wheels in place of first harmonics; unknown: deviations that are not
-    known; open_: fields, by path, that are not known exactly; sure, probability from which on a choice is an order;
-    worth, gain below which measuring stops; compensated: words for a stored correction, and the decision by what it
-    leaves; verification of a choice; fault: why nothing could be drawn; more_certificate: proof of states beside
-    these, of the self error among them.
+    decision: decision over samples of all unknown inputs.
+    setup: conditions of measurements in holes.
+    curve: F'_ior over the positions for the preset with unknown deviations as 0; None after measurements in holes.
+    samples: samples of the uncertain inputs, by the preset.
+    trials: measured values.
+    after: samples after the measured values.
+    value: gain expected from further values.
+    likelier_torque: torque at which the values are far more probable than at that of the setup [N*m].
+    measured: measured wheels that replace first harmonics.
+    unknown: unknown deviations.
+    open_: paths of the fields that are not known exactly.
+    sure: probability from which a choice is an instruction.
+    worth: gain below which measuring stops, as a share of F'_ior.
+    compensated: description of a stored correction, and the decision by its residual.
+    verification: verification of a choice.
+    fault: reason why nothing could be sampled.
+    more_certificate: certificate of further states, such as those of the self error.
     """
 
     drive: Drive
@@ -162,40 +173,43 @@ class Advice:
 
     @property
     def torques(self) -> tuple[float, ...]:
-        """Torques that decide [N*m]."""
+        """Torques that determine the decision [N*m]."""
         return tuple(self.drive.operation.M_g)
 
     @property
     def word(self) -> Word:
-        """The choice in a word."""
+        """The choice as one word."""
         if self.verification:
             return _WORD_AFTER[self.verification.verdict]
         return self.decision.word(self.sure)
 
     @property
     def names_hole(self) -> bool:
-        """Whether the choice is one hole: not so of ANY_HOLE."""
+        """Whether the choice is a single hole, which ANY_HOLE is not."""
         return self.word != "ANY_HOLE"
 
     @property
     def no_hole_better(self) -> str:
-        """Why any hole is as good as any other, as model.deviations has it; empty where one may be better."""
+        """Reason why all holes are equally good, as in model.deviations; empty if one may be better."""
         reason = "" if self.trials else no_hole_better(self.drive)
         return "" if reason == "turning" and self.measured and self.measured.fixed(self.drive) else reason
 
     @property
     def certificate(self) -> Certificate:
-        """Proof of all states behind it."""
+        """Certificate of all states on which the advice is based."""
         parts = (self.curve, self.samples, self.after and self.after.samples)
         return sum((part.certificate for part in parts if part), self.more_certificate)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
-        """States that another solver solved again."""
+        """Checks of states by another solver."""
         return tuple(self.curve.cross_checks) if self.curve else ()
 
     def position(self, place: int | None) -> Position:
-        """One of the holes by its place, None: where the wheel stands; its median F'_ior over the samples."""
+        """Return the position of a hole, with its median F'_ior over the samples.
+
+        place: index of the hole; None for the present position of the wheel.
+        """
         decision = self.decision
         rotation = 0.0 if place is None else decision.rotations_deg[place]
         drive = self.drive
@@ -210,7 +224,7 @@ class Advice:
         )
 
     def _position_at(self, rotation_deg: float) -> Position:
-        """Return a position, without F'_ior if it is none of the holes that may be chosen."""
+        """Return a position, without F'_ior if it is not one of the usable holes."""
         place = self.decision.place(rotation_deg)
         if place is not None:
             return self.position(place)
@@ -225,22 +239,22 @@ class Advice:
 
     @cached_property
     def current(self) -> Position:
-        """Where the wheel stands (where it stood before the first trial, if there were trials)."""
+        """Present position of the wheel, or its position before the first trial."""
         return self.position(self.decision.stay)
 
     @cached_property
     def chosen(self) -> Position:
-        """Where the wheel is to be."""
+        """Recommended position of the wheel."""
         return self.position(self.decision.best)
 
     @property
     def turn(self) -> bool:
-        """Whether the wheel is to be turned from hole 0."""
+        """Whether the wheel must be turned from hole 0."""
         return self.chosen.rotation_deg != 0
 
     @property
     def order(self) -> Literal["turn", "leave"]:
-        """Whether the wheel is to be moved: from hole 0, or after an outcome from the hole where that was measured."""
+        """Whether the wheel must be moved: from hole 0, or after an outcome from the hole of the outcome."""
         if self.verification:
             return "turn" if self.verification.back_to else "leave"
         return "turn" if self.turn else "leave"
@@ -252,34 +266,34 @@ class Advice:
 
     @property
     def correction(self) -> str:
-        """Words for the stored correction that the choice goes by; empty where it goes by F'_ior."""
+        """Description of the stored correction on which the choice is based; empty if the choice is based on F'_ior."""
         return self.compensated[0] if self.compensated and self.compensated[1] is self.decision else ""
 
     @property
     def by_torque(self) -> tuple[Position, ...]:
-        """What each torque alone would choose."""
+        """The best position for each torque."""
         return tuple(self.position(self.decision.of_torque(k).best) for k in range(len(self.torques)))
 
     @property
     def gain_range(self) -> tuple[float, float, float]:
-        """5th percentile, median and 95th percentile of the share of F'_ior that the choice takes off."""
+        """5th percentile, median and 95th percentile of the reduction of F'_ior by the choice, as a share."""
         return self.decision.range_of(self.decision.gains(self.decision.best))
 
     @property
     def values(self) -> int:
-        """Number of measured values that the decision rests on."""
+        """Number of measured values on which the decision is based."""
         return len(self.trials) or len(measured_errors(self.drive))
 
     @property
     def to_try(self) -> tuple[Position, ...]:
-        """Usable positions, three that lie apart as far as they can, to measure first."""
+        """Three usable positions, as far apart as possible, to measure first."""
         return tuple(self.position(self.decision.place(turn)) for turn in _thirds(self.decision.rotations_deg))
 
     @property
     def next(self) -> Position | None:
-        """The position to measure next; None where further values are not worth it, or an outcome ends the trials.
+        """The position to measure next; None if further values do not pay off, or if an outcome ends the trials.
 
-        A value that is probably misread is measured again before anything else.
+        A value that is probably misread is measured again first.
         """
         if self.verification and self.verification.verdict != "MEASURE_AGAIN":
             return None
@@ -295,7 +309,7 @@ class Advice:
         return self.position(self.decision.place(value.rotation_deg))
 
     def _next_before_stop(self) -> Position | None:
-        """Return what is measured although its gain is small: a doubtful value again, or a likely better neighbour."""
+        """Return the position of a doubtful value or a likely better neighbour, to measure in spite of a small gain."""
         if self.doubtful:
             doubtful_trial, _ = self.doubtful
             return self._position_at(doubtful_trial.rotation_deg)
@@ -306,7 +320,7 @@ class Advice:
 
     @cached_property
     def doubtful(self) -> tuple[Trial, float] | None:
-        """The value that is misread with the largest probability, and that; None if it is small, or it was repeated."""
+        """The value most probably misread, with its probability; None if that is small or the value was repeated."""
         if not self.after:
             return None
         probabilities = self.after.misread
@@ -317,15 +331,16 @@ class Advice:
         return trial, float(probabilities[likeliest])
 
     def _is_repeated(self, trial: Trial) -> bool:
-        """Return whether a value has another one of the same position and torque."""
+        """Return whether another value has the same position and torque."""
         points = [self.setup.point(value) for value in self.trials]
         return points.count(self.setup.point(trial)) > 1
 
     @cached_property
     def likely_neighbour(self) -> tuple[int, float] | None:
-        """An unmeasured hole next to the chosen one that is likely to be better, by its place, and that probability.
+        """Index of an unmeasured hole next to the chosen one that is probably better, and the probability.
 
-        None if there is none. To be better by less than further values have to gain does not count.
+        A hole counts as better only if it is better by the gain that further values must have.
+        The result is None if there is no such hole.
         """
         decision = self.decision
         rotations = decision.rotations_deg
@@ -356,7 +371,7 @@ class Advice:
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The value that is probably misread, if nobody has repeated it; None without one."""
+        """The value that is probably misread and was not repeated; None if there is none."""
         doubted = self.suspected
         if not doubted:
             return None
@@ -365,14 +380,14 @@ class Advice:
 
     @property
     def outcome_torque(self) -> float:
-        """Torque at which the outcome is measured [N*m]: that of the setup if the samples after the values have it."""
+        """Torque at which the outcome is measured [N*m]: that of the setup if the posterior contains it."""
         if self.after and self.setup.M_g not in self.after.F_ior_by_torque:
             return self.after.samples.setup.M_g
         return self.setup.M_g
 
     @property
     def predicted_outcome(self) -> _PredictedValue | None:
-        """The value to be measured in the chosen hole, as its verification compares it; None without values."""
+        """Prediction of the outcome in the chosen hole, as used for its verification; None without values."""
         if not self.after:
             return None
         trial = Trial(self.chosen.rotation_deg, 0.0, M_g=self.outcome_torque, noise_arcsec=self.setup.noise_arcsec)
@@ -380,7 +395,7 @@ class Advice:
 
     @property
     def worths(self) -> tuple[tuple[int, float], ...]:
-        """Numbers of measured values, and F'_ior [arcsec] that is expected in the hole chosen then."""
+        """Numbers of measured values, and the F'_ior expected in the hole chosen after them [arcsec]."""
         if not self.value:
             return ()
         steps = (0, 3, 4, 5, 6) if not self.values else (0, 1, 3)
@@ -388,25 +403,26 @@ class Advice:
         return tuple((self.values + step, expected[step]) for step in steps if step < len(expected))
 
     def torque_of(self, trial: Trial) -> float:
-        """Torque of a value [N*m]."""
+        """Return the torque of a value [N*m]."""
         return self.setup.point(trial)[1]
 
     @property
     def torques_of_values(self) -> tuple[float, ...]:
-        """Torques of the measured values [N*m], that of the setup without any."""
+        """Torques of the measured values [N*m]; that of the setup if there are none."""
         return tuple(dict.fromkeys(map(self.torque_of, self.trials))) or (self.setup.M_g,)
 
     @property
     def suspected(self) -> Trial | None:
-        """The value without which the others are the most probable, where one is more probably misread than not."""
+        """The most probably misread value, if a misread value is more probable than none."""
         misread = self.after.misread if self.after else np.zeros(0)
         return self.trials[int(np.argmax(misread))] if misread.sum() > _DOUBTED else None
 
     @property
     def contradicted(self) -> tuple[str, float, float] | None:
-        """Direction of the standing offset that the values contradict: its path, where they put it, and how sure [deg].
+        """Contradiction between the values and the stated direction of the stationary eccentricity; None without one.
 
-        None where they do not, or nothing was stated.
+        It consists of the path of the direction, and of the direction from the values with its standard deviation
+        [deg].
         """
         path = standing_offset(self.drive)[1]
         stated = self.drive.value(path)
@@ -418,7 +434,7 @@ class Advice:
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Shares of the variance of the logarithm of F'_ior in the best other hole over that now, by field."""
+        """Contributions of fields to the variance of the log ratio of F'_ior in the best other and the present hole."""
         decision = replace(self.decision, room_arcsec=())
         if self.samples is None or (place := decision.challenger) is None:
             return ()
@@ -428,7 +444,7 @@ class Advice:
 def advice_states(
     drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None, trials: bool = False
 ) -> int:
-    """Number of states that an advice at so many positions solves, about, for a progress bar."""
+    """Return the approximate number of states solved for an advice, for the progress bar."""
     cycle = Kinematics.of(drive).cycle_states
     torques = len(drive.operation.M_g)
     if trials:
@@ -452,24 +468,24 @@ def advise(
     worth: float = WORTH,
     run: Run = Run(),
 ) -> Advice:
-    """Find the hole in which to mount the fixed wheel of a drive, by its preset alone.
+    """Return the advice on the hole for the fixed wheel of a drive, from its preset.
 
     Args:
         drive: the drive.
-        rotations_deg: positions of the curve [deg], first 0, where the wheel stands.
-        measured: measured wheels in place of harmonics; their deviations are not sampled.
-        setup: how holes would be measured.
-        draws: smallest number of effective samples of uncertain inputs, 0 for none.
+        rotations_deg: positions of the curve [deg], starting with 0, the present position.
+        measured: measured wheels that replace harmonics; their deviations are not sampled.
+        setup: conditions of measurements in holes.
+        draws: smallest effective sample size of uncertain inputs, 0 for no samples.
         sure: probability from which the choice is an instruction.
-        cost: share of F'_ior that a turn has to earn.
-        worth: gain below which measuring stops.
+        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        worth: gain below which measuring stops, as a share of F'_ior.
         run: processes, progress and seed.
 
-    Raises UsageError for invalid positions, UntrustedError if an answer cannot be trusted.
+    Raises UsageError for invalid positions, UntrustedError if a result cannot be trusted.
     """
     setup = setup or TrialSetup(min(drive.operation.M_g, key=abs))
     prediction = _Prediction.of(drive, rotations_deg, measured, setup.M_g, draws=draws, sure=sure, run=run)
-    # tables leave more samples that agree with measured values
+    # with tables, more samples agree with measured values
     if prediction.has_few_samples and measured_errors(drive):
         by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
         return replace(by_values, more_certificate=by_values.more_certificate + prediction.superseded_certificate)
@@ -482,18 +498,18 @@ def advise(
 
 @dataclass(frozen=True, eq=False)
 class _Prediction:
-    """F'_ior of a drive in its holes by its preset: of the nominal drive, and of samples of the uncertain inputs."""
+    """Predicted F'_ior of a drive in its holes: of the nominal drive, and of samples of the uncertain inputs."""
 
     drive: Drive
     measured: MeasuredTeeth | None
-    assumed_drive: Drive  # the drive without the deviations that measured wheels replace
+    assumed_drive: Drive  # drive without the deviations that measured wheels replace
     prior: DrivePrior
     positions: tuple[float, ...]  # usable rotations of the fixed wheel [deg]
-    torques: tuple[float, ...]  # of the samples [N*m], first those of the drive
+    torques: tuple[float, ...]  # torques of the samples [N*m], those of the drive first
     curve: MountingCurve
-    checked: Callable[[], MountingCurve]  # the curve with its cross-checks; waits for them
+    checked: Callable[[], MountingCurve]  # returns the curve with its cross-checks, once these are finished
     rooms: LimitRooms
-    drawn: _Drawn | None  # None if no samples were wanted, or none can be drawn
+    drawn: _Drawn | None  # samples; None if none were requested
 
     @classmethod
     def of(
@@ -511,10 +527,10 @@ class _Prediction:
 
         Args:
             drive: the drive.
-            rotations_deg: positions of the curve [deg], first 0.
-            measured: measured wheels in place of harmonics.
-            trial_M_g: torque at which holes would be measured [N*m]; it may decide nothing.
-            draws: smallest number of effective samples, 0 for none.
+            rotations_deg: positions of the curve [deg], starting with 0.
+            measured: measured wheels that replace harmonics.
+            trial_M_g: torque of measurements in holes [N*m], which need not affect the decision.
+            draws: smallest effective sample size, 0 for no samples.
             sure: probability from which a choice is an instruction.
             run: processes, progress and seed.
         """
@@ -523,7 +539,7 @@ class _Prediction:
         other_torques = () if trial_M_g in torques else (trial_M_g,)
         positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
         is_drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-        # the cross-checks of the curve go on while the samples are drawn
+        # the cross-checks of the curve run in parallel with the sampling
         curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=is_drawn, run=run)
         rooms = limits_left(drive, torques, run)
         drawn = None
@@ -551,12 +567,12 @@ class _Prediction:
 
     @property
     def has_few_samples(self) -> bool:
-        """Whether samples were wanted, and fewer of them are effective than their percentiles need."""
+        """Whether samples were requested, but their effective sample size is too small for percentiles."""
         return self.drawn is not None and (self.samples is None or bool(self.samples.few))
 
     @property
     def superseded_certificate(self) -> Certificate:
-        """The certificate of the states behind the curve and the samples if another advice replaces theirs."""
+        """Certificate of the curve and the samples, for an advice that replaces theirs."""
         certificate = self.curve.certificate
         if self.drawn:
             certificate += self.drawn.certificate
@@ -565,7 +581,7 @@ class _Prediction:
         return certificate
 
     def decisions(self, sure: float) -> _PresetDecisions:
-        """Return the choice by the samples, or by the curve of the nominal drive if there are none.
+        """Return the decisions by the samples, or by the curve of the nominal drive if there are none.
 
         sure: probability from which a choice is an instruction.
         """
@@ -581,10 +597,10 @@ class _Prediction:
         """Return the advice of a decision, after the cross-checks of the curve are finished.
 
         Args:
-            decision: at the torques of the drive.
-            setup: how holes would be measured.
+            decision: decision at the torques of the drive.
+            setup: conditions of measurements in holes.
             sure: probability from which a choice is an instruction.
-            worth: gain below which measuring stops.
+            worth: gain below which measuring stops, as a share of F'_ior.
 
         Raises UntrustedError if two solvers disagree.
         """
@@ -606,14 +622,15 @@ class _Prediction:
 
 @dataclass(frozen=True)
 class _PresetDecisions:
-    """The choice among the holes by a preset alone, at two sets of torques."""
+    """The decisions among the holes from a preset without trials, at two sets of torques."""
 
-    deciding: Decision  # at the torques of the drive, which decide
-    of_all_torques: Decision  # at all torques of the samples, that of the setup among them
+    deciding: Decision  # at the torques of the drive, which determine the choice
+    of_all_torques: Decision  # at all torques of the samples, including that of the setup
 
     def with_rules(self, cost: float, all_alike: bool) -> _PresetDecisions:
-        """Return the same decisions, with the share of F'_ior that a turn has to earn.
+        """Return the same decisions with the rules for a turn.
 
+        cost: smallest reduction of F'_ior that pays for a turn, as a share.
         all_alike: whether no hole can be better than another.
         """
         return _PresetDecisions(
@@ -623,19 +640,19 @@ class _PresetDecisions:
 
 
 def _with_first_value(advice: Advice, decisions: _PresetDecisions, torques: tuple[float, ...], seed: int) -> Advice:
-    """Return an advice with its decision, and with the worth of values measured before any trial.
+    """Return the advice with its decision and with the gain expected from measuring further values, before any trial.
 
     Args:
-        advice: by a preset alone; values that the preset has count already.
-        decisions: at the torques that decide, and at all torques of the samples.
-        torques: of the samples [N*m], first those of the drive.
-        seed: of the simulation.
+        advice: advice from the preset, whose own measured values are already taken into account.
+        decisions: decisions at the torques of the drive, and at all torques of the samples.
+        torques: torques of the samples [N*m], those of the drive first.
+        seed: seed of the simulation.
     """
     advice = replace(advice, decision=decisions.deciding)
     if not advice.samples or advice.no_hole_better:
         return advice
     count = len(measured_errors(advice.drive))
-    # without any value the decision is by the nominal drive; as_measured takes the samples for equally probable drives
+    # without measured values, as_measured adds the model error to the samples
     simulated = decisions.of_all_torques if count else as_measured(decisions.of_all_torques, seed=seed)
     F_ior_at_setup = simulated.F_ior_arcsec[torques.index(advice.setup.M_g)]
     deciding = simulated.of_torques(slice(len(advice.torques)))
@@ -649,16 +666,17 @@ class _Drawn:
 
     samples: Samples | None
     fault: str
-    certificate: Certificate  # of states solved for samples that do not serve
+    certificate: Certificate  # certificate of states solved for unusable samples
 
 
 def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **options: Any) -> _Drawn:
-    """Draw samples of a prior, with the options of drive_samples; an action is never refused for lack of them."""
+    """Draw samples of a prior with the options of drive_samples; missing samples do not prevent an advice."""
     try:
         samples = drive_samples(prior, room_arcsec, **options)
     except UntrustedError as refusal:
         return _Drawn(samples=None, fault=refusal.message, certificate=EMPTY)
-    if samples and len(samples.of_ranges.weights) < 2:  # its numbers are those of a drive drawn by chance
+    # the percentiles of a single sample would be those of a random drive
+    if samples and len(samples.of_ranges.weights) < 2:
         fault = "one sample of the uncertain inputs has no range"
         return _Drawn(samples=None, fault=fault, certificate=samples.certificate)
     return _Drawn(samples=samples, fault="", certificate=EMPTY)
@@ -678,22 +696,22 @@ def advise_after(
     other_torques: Sequence[float] = (),
     run: Run = Run(),
 ) -> Advice:
-    """Find the hole in which to mount the fixed wheel after F'_ior was measured in some holes.
+    """Return the advice on the hole for the fixed wheel after F'_ior was measured in some holes.
 
     Args:
         drive: the drive.
-        trials: values measured on the setup, besides those that the preset has.
-        setup: how the holes were measured.
-        outcome: last value, measured after an advice from the others.
-        draws: smallest number of effective samples of uncertain inputs.
-        samples: if they are drawn already.
+        trials: values measured with the setup, in addition to those of the preset.
+        setup: conditions of the measurements.
+        outcome: last value, measured after an advice from the previous values.
+        draws: smallest effective sample size of uncertain inputs.
+        samples: samples of the drive, if they already exist.
         sure: probability from which the choice is an instruction.
-        cost: share of F'_ior that a turn has to earn.
-        worth: gain below which measuring stops.
-        other_torques: [N*m], at which values that the drive does not show may have been measured.
+        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        worth: gain below which measuring stops, as a share of F'_ior.
+        other_torques: torques [N*m] at which values inconsistent with the drive may have been measured.
         run: processes, progress and seed.
 
-    Raises UsageError without any value, and what hole_samples raises.
+    Raises UsageError without any value, and the errors of hole_samples.
     """
     all_trials = _all_trials(drive, trials, outcome, setup)
     by_values = _PosteriorOfTrials.of(drive, all_trials, setup, samples, draws=draws, run=run)
@@ -701,7 +719,7 @@ def advise_after(
     rooms = limits_left(drive, drive.operation.M_g, run)
     decision = after.decision(drive.operation.M_g, rooms.arcsec, cost)
     likelier = by_values.likelier_torque(drive, other_torques, draws=draws, run=run)
-    noise_arcsec = after.noise * setup.noise_arcsec  # of each sample, shape (samples,)
+    noise_arcsec = after.noise * setup.noise_arcsec  # noise of each sample, shape (samples,)
     advice = Advice(
         drive=drive,
         decision=decision,
@@ -720,9 +738,9 @@ def advise_after(
 
 
 def _all_trials(drive: Drive, trials: Sequence[Trial], outcome: Trial | None, setup: TrialSetup) -> tuple[Trial, ...]:
-    """Return the values of a preset and those of a call in their order, the outcome last.
+    """Return the values of a preset and those of a call in order, with the outcome last.
 
-    Raises UsageError without any value besides the outcome.
+    Raises UsageError if there is no value other than the outcome.
     """
     preset_trials = _of_preset(drive, setup, (*trials, outcome))
     ordered = in_order([*preset_trials, *trials], setup)
@@ -736,18 +754,18 @@ class _LikelierTorque:
     """The torque at which measured values are far more probable than at the stated one, if there is one."""
 
     M_g: float | None  # [N*m]
-    certificate: Certificate  # of the states solved for torques that had no samples
+    certificate: Certificate  # certificate of the states solved for torques without samples
 
 
 @dataclass(frozen=True, eq=False)
 class _PosteriorOfTrials:
-    """Samples of a drive in its holes, reweighed by measured values."""
+    """Samples of a drive in its holes, reweighted by measured values."""
 
-    trials: tuple[Trial, ...]  # the values as they were given
-    values: list[Trial]  # the same, each with its torque
-    setup: TrialSetup  # its torque is the one to which F'_ior at the other torques is related
+    trials: tuple[Trial, ...]  # the values as entered
+    values: list[Trial]  # the same values, each with its torque
+    setup: TrialSetup  # setup whose torque is the reference of F'_ior at the other torques
     samples: HoleSamples
-    after: HolePosterior  # in the usable positions, and last where the wheel stands
+    after: HolePosterior  # posterior in the usable positions and, as the last one, in the present position
 
     @classmethod
     def of(
@@ -760,23 +778,23 @@ class _PosteriorOfTrials:
         draws: int,
         run: Run,
     ) -> _PosteriorOfTrials:
-        """Return the samples of a drive after measured values, drawn here unless samples are passed.
+        """Return the samples of a drive after measured values, which are drawn here unless they are passed.
 
         Args:
-            drive: its torques, and those of the values, are sampled.
-            trials: all values in their order.
-            setup: how the holes were measured.
-            samples: of the drive in its holes, if they are drawn already.
-            draws: smallest number of effective samples.
+            drive: drive that is sampled at its torques and at those of the values.
+            trials: all values in order.
+            setup: conditions of the measurements.
+            samples: samples of the drive in its holes, if they already exist.
+            draws: smallest effective sample size.
             run: processes, progress and seed.
         """
         trial_torques = [setup.point(trial)[1] for trial in trials]
         values = [replace(trial, M_g=M_g) for trial, M_g in zip(trials, trial_torques, strict=True)]
-        # the torque to which the others are related depends on the values, not on how they were written
+        # the reference torque depends on the values, not on the way they are entered
         common = replace(setup, M_g=min(trial_torques, key=lambda M_g: (abs(M_g), M_g)))
         if samples is None:
             samples = hole_samples(drive, (*drive.operation.M_g, *trial_torques), common, draws=draws, run=run)
-        # the wheel stands at 0 deg before the first trial, in a hole or not: the gain is measured from there
+        # the wheel is at 0 deg before the first trial, which need not be a hole, and the gain refers to this position
         positions = [*_positions_with_trials(drive, trials), 0.0]
         after = posterior_of(samples.with_free_curves(values), values, positions)
         return cls(trials=trials, values=values, setup=common, samples=samples, after=after)
@@ -784,8 +802,8 @@ class _PosteriorOfTrials:
     def measurable(self, setup: TrialSetup) -> dict[float, Array]:
         """Return F'_ior in the holes [arcsec], shape (samples, holes), by the torque of a further value [N*m].
 
-        The common torque is the first. Further values are measured at the torques of the values before them, and at
-        the other torques of the setup unless each value was given with a torque of its own.
+        The reference torque comes first. Further values are measured at the torques of the previous values. They are
+        also measured at the other torques of the setup, unless each value was entered with its own torque.
         """
         has_own_torques = all(trial.M_g is not None for trial in self.trials)
         torques = {value.M_g for value in self.values if value.M_g is not None}
@@ -795,14 +813,14 @@ class _PosteriorOfTrials:
         return {M_g: self.after.F_ior_by_torque[M_g][:, :-1] for M_g in ordered}
 
     def likelier_torque(self, drive: Drive, other_torques: Sequence[float], *, draws: int, run: Run) -> _LikelierTorque:
-        """Return a torque at which the values are far more probable: it may have been written wrongly.
+        """Return a torque at which the values are far more probable, because the stated torque may be wrong.
 
-        Only values that the drive hardly shows, or that are probably misread, are doubted.
+        The torque is doubted only if the drive hardly shows the values or if one is probably misread.
 
         Args:
             drive: the drive.
-            other_torques: torques [N*m] that may be tried beside those of the samples.
-            draws: smallest number of effective samples at these.
+            other_torques: torques [N*m] to try in addition to those of the samples.
+            draws: smallest effective sample size at these torques.
             run: processes, progress and seed.
         """
         is_unshown = self.after.by_values > UNSHOWN_VALUES
@@ -810,7 +828,7 @@ class _PosteriorOfTrials:
             return _LikelierTorque(M_g=None, certificate=EMPTY)
         likelier_M_g = likelier_torque(self.samples, self.values)
         untried = sorted({*other_torques} - {*self.samples.F_ior_by_torque})
-        # a misread value explains itself: new torques are solved only for values that no drive shows
+        # a misread value is a sufficient explanation, so new torques are solved only for values that no drive shows
         if likelier_M_g or not untried or not is_unshown:
             return _LikelierTorque(M_g=likelier_M_g, certificate=EMPTY)
         untried_samples = hole_samples(drive, untried, self.setup, draws=draws, run=run)
@@ -820,14 +838,14 @@ class _PosteriorOfTrials:
 
 
 def _with_outcome(advice: Advice, by_values: _PosteriorOfTrials) -> Advice:
-    """Return an advice with its last value verified; the wheel is settled in the hole that the outcome leads to."""
+    """Return the advice with its last value verified and with the hole to which this outcome leads as its decision."""
     verification = _verified(advice, by_values.values, by_values.samples)
     settled = replace(advice.decision, settled_deg=verification.goal.rotation_deg)
     return replace(advice, decision=settled, verification=verification)
 
 
 def _positions_with_trials(drive: Drive, trials: Sequence[Trial]) -> list[float]:
-    """Return the usable positions of the fixed wheel [deg]; those of values among them if its angle is free."""
+    """Return the usable positions of the fixed wheel [deg], including those of the values if its angle is free."""
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if drive.mounting.holes:
         return positions
@@ -842,7 +860,13 @@ def _value(
     count: int,
     seed: int,
 ) -> MeasurementValue | None:
-    """What values beside so many bring; None of one hole. measurable: F'_ior in the holes by torque of a value."""
+    """Return the gain expected from further values; None for a seat with one hole.
+
+    measurable: F'_ior in the holes by the torque of a value.
+    noise: standard deviation of a value [arcsec], shape (samples,); None for that of the setup.
+    count: number of existing values.
+    seed: seed of the simulation.
+    """
     if len(decision.rotations_deg) < 2:
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
@@ -851,16 +875,16 @@ def _value(
 
 
 def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> Verification:
-    """Return the outcome of an advice beside its prediction, and where the wheel is to be after it.
+    """Return the outcome of an advice with its prediction, and the hole in which the wheel should be.
 
-    The wheel goes back to the measured hole of the least expected loss, the outcome being one of the values that this
-    loss is expected by. It stays if the outcome's hole is as good, or is as good because the outcome itself is probably
-    misread. An outcome that is neither as predicted nor misread makes the prediction doubtful: the measured values
-    decide then.
+    The wheel goes back to the measured hole with the smallest expected loss, which takes the outcome into account. It
+    stays if the hole of the outcome is as good, or if it is expected to be as good because the outcome is probably
+    misread. An outcome that is neither as predicted nor misread makes the prediction doubtful, and the measured values
+    decide.
 
-    advice: by all values, the outcome the last one.
-    values: the same with their torques, shape (trials,).
-    samples: those of the drive.
+    advice: advice by all values, with the outcome as the last one.
+    values: the same values with their torques, shape (trials,).
+    samples: samples of the drive.
     """
     decision = advice.decision
     outcome = advice.trials[-1]
@@ -892,7 +916,7 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
 
 
 def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:
-    """Values that the preset has as measured, without those that are given once more."""
+    """Return the measured values of the preset, except those that are given again."""
     known_values = {(*setup.point(trial), trial.F_ior_arcsec) for trial in given if trial}
     return [
         Trial(e.rotation_deg, e.value, M_g=e.M_g, noise_arcsec=e.spread)
@@ -902,7 +926,7 @@ def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -
 
 
 def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:
-    """Of some rotations [deg] three that lie apart as far as they can."""
+    """Return three rotations [deg] that are as far apart as possible."""
     nearest_deg = [
         min(rotations_deg, key=lambda p: abs((p - third_deg + 180) % 360 - 180)) for third_deg in (0.0, 120.0, 240.0)
     ]

@@ -1,7 +1,7 @@
-"""A decision among holes of the fixed wheel: expected loss, how sure it is, and the value of one more measurement.
+"""A decision among holes of the fixed wheel: expected loss, probability, and the value of one more measurement.
 
-All of it is read off weighted samples of F'_ior in each hole, before any measured value or after some. An action is
-always named: a wheel has to go into some hole.
+All results are computed from weighted samples of F'_ior in each hole, before or after measured values. An action is
+always named, because a wheel must be mounted in some hole.
 """
 
 from __future__ import annotations
@@ -38,28 +38,29 @@ from hdassist.errors import SURE, Verdict
 from hdassist.model.geometry import Array
 from hdassist.mounting.positions import MountingCurve
 
-GOOD = 0.05  # loss against the best hole below which a hole is as good
-WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
-FEWEST_VALUES = 4  # measured values before which it never stops
-LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}  # percentiles of an answer, by name
-FEWEST_SURE = 32  # effective samples: of fewer a choice is sure only by all of the interval of its probability
+GOOD = 0.05  # largest loss relative to the best hole at which a hole is considered equally good
+WORTH = 0.02  # gain of one more value below which measuring stops, as a share of F'_ior
+FEWEST_VALUES = 4  # smallest number of measured values before measuring may stop
+LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}  # percentiles of a result by name
+FEWEST_SURE = 32  # effective sample size below which the whole interval of the probability must meet the requirement
 
-_OUTCOMES = 9  # of a further value that are looked at in each hole
-_LOOKED_AT = 512  # samples by which further values are judged
-_FUTURES = 64  # drives that further values are played through with
-_MOST_CANDIDATES = 24  # holes that a further value may be measured in
-_CHOSEN_SHARE = 0.02  # probability to be good that a hole has which may still become the choice
+_OUTCOMES = 9  # number of outcomes of a further value considered in each hole
+_LOOKED_AT = 512  # number of samples used to evaluate further values
+_FUTURES = 64  # number of true drives for which several further values are simulated
+_MOST_CANDIDATES = 24  # largest number of holes considered for a further value
+_CHOSEN_SHARE = 0.02  # probability of being good above which a hole may still become the choice
 
 Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
 
 
 @dataclass(frozen=True)
 class _Action:
-    """Mounting the wheel in one hole: F'_ior [arcsec] at each torque, and how good that is beside other holes.
+    """Mounting of the wheel in one hole: F'_ior at each torque [arcsec], and its quality relative to other holes.
 
-    expected_loss against the best hole, as a share of F'_ior there; probability_good, to lose less than GOOD;
-    probability_better, to be better than staying by more than a turn has to earn; probability_kept, to keep all limits,
-    None without one.
+    expected_loss: expected loss relative to the best hole, as a share of its F'_ior.
+    probability_good: probability that the loss is less than GOOD.
+    probability_better: probability that it is better than staying by more than the cost of a turn.
+    probability_kept: probability that all limits are met, None without a limit.
     """
 
     rotation_deg: float
@@ -74,14 +75,18 @@ class _Action:
 class Decision:
     """The choice among holes of the fixed wheel, over weighted samples.
 
-    rotations_deg of the holes that may be chosen; F_ior_arcsec in them, shape (torques, samples, holes), and
-    now_arcsec, at rotation 0, shape (torques, samples); sample_weights, shape (samples,), a single one where values are
-    taken as given; room_arcsec that a limit leaves F'_ior at each torque, None without a limit; cost, share of F'_ior
-    that a turn has to earn; all_alike, whether no hole can be told from another by what is known; worth, effective
-    samples that samples drawn again from others stand for, None of those that stand for themselves; settled_deg, the
-    hole that an outcome measured after the choice has settled on, None before; samples of the belief that the
-    probability of meeting limits is from, None if there are no others, with torque_places, the places of the torques
-    among theirs, and sure, the probability that PASS needs.
+    rotations_deg: rotations to the usable holes [deg].
+    F_ior_arcsec: F'_ior in the holes [arcsec], shape (torques, samples, holes).
+    now_arcsec: F'_ior at rotation 0 [arcsec], shape (torques, samples).
+    sample_weights: weights, shape (samples,); a single one for nominal values.
+    room_arcsec: limit minus self error at each torque [arcsec], None without a limit.
+    cost: smallest reduction of F'_ior that pays for a turn, as a share.
+    all_alike: whether known inputs cannot distinguish the holes.
+    worth: effective sample size of resampled samples; None for original samples.
+    settled_deg: rotation to the hole determined by an outcome measured after the choice; None before.
+    samples: samples from which the probability of meeting limits is computed; None for the samples above.
+    torque_places: indices of the torques in those samples.
+    sure: probability that PASS needs.
     """
 
     rotations_deg: tuple[float, ...]
@@ -105,11 +110,11 @@ class Decision:
         room_arcsec: Sequence[float | None] = (),
         sure: float = SURE,
     ) -> Decision:
-        """Return the decision over the first samples that are enough for a range, at all their torques.
+        """Return the decision over the first samples that are sufficient for a range, at all their torques.
 
-        samples: samples that were drawn at these rotations; a probability of meeting limits may need more of them.
-        rotations_deg: turns [deg] of the holes that may be chosen.
-        room_arcsec: the limit minus the self error at each torque [arcsec]; None without a limit.
+        samples: samples drawn at these rotations; a probability of meeting limits may need more of them.
+        rotations_deg: rotations to the usable holes [deg].
+        room_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
         sure: probability of meeting a limit that PASS needs.
         """
         first = samples.of_ranges
@@ -129,7 +134,7 @@ class Decision:
 
     @classmethod
     def as_given(cls, curve: MountingCurve, room_arcsec: Sequence[float | None] = ()) -> Decision:
-        """The decision by the values as given, from F'_ior over the positions of the wheel."""
+        """Return the decision at nominal values, from F'_ior over the positions of the wheel."""
         usable = np.flatnonzero(curve.usable)[np.argsort(curve.rotation_deg[curve.usable])]
         rotations = tuple(curve.rotation_deg[usable].tolist())
         F_ior = curve.F_ior_arcsec[:, None, usable]
@@ -137,18 +142,18 @@ class Decision:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether probabilities are known: not so of values that are taken as given."""
+        """Whether probabilities are known, which is not so for nominal values."""
         return len(self.sample_weights) > 1
 
     @property
     def effective(self) -> float:
-        """Effective number of samples."""
+        """Effective sample size."""
         return self.worth or effective_number(self.sample_weights)
 
     # Holes and F'_ior in them
 
     def place(self, rotation_deg: float) -> int | None:
-        """Which of the holes a rotation is, None where it is none."""
+        """Return the index of the hole at a rotation, None if there is no hole."""
         for place, hole_deg in enumerate(self.rotations_deg):
             if abs(hole_deg - rotation_deg) < 1e-6:
                 return place
@@ -156,29 +161,38 @@ class Decision:
 
     @property
     def stay(self) -> int | None:
-        """The hole that the wheel stands in, None where it may not stay there."""
+        """Index of the present hole of the wheel, None if it may not stay there."""
         return self.place(0.0)
 
     def at(self, place: int | None) -> Array:
-        """F'_ior [arcsec] in one of the holes, None: at rotation 0, shape (torques, samples)."""
+        """Return F'_ior in a hole [arcsec], shape (torques, samples).
+
+        place: index of the hole; None for rotation 0.
+        """
         return self.now_arcsec if place is None else self.F_ior_arcsec[:, :, place]
 
     def quantile(self, share: float, place: int | None) -> tuple[float, ...]:
-        """Return the percentile of F'_ior [arcsec] in a hole at each torque, by its share (0.95).
+        """Return a percentile of F'_ior in a hole at each torque [arcsec].
 
-        If no hole can be told from another, it is that of the present hole: their samples differ by chance alone.
+        If known inputs cannot distinguish the holes, the result is that of the present hole, because their samples
+        differ only by chance.
+
+        share: share of the percentile (0.95).
+        place: index of the hole; None for rotation 0.
         """
-        if self.all_alike and self.samples:  # as check states it
+        if self.all_alike and self.samples:  # as in the result of check
             return tuple(self.samples.of_ranges.percentile(share, torque) for torque in self.torque_places)
         F_ior = self.now_arcsec if self.all_alike else self.at(place)
         return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)
 
     def standard_errors(self, share: float, place: int | None) -> tuple[float, ...]:
-        """Return the Monte Carlo standard error of a percentile of F'_ior [arcsec] in a hole at each torque.
+        """Return the Monte Carlo standard error of a percentile of F'_ior in a hole at each torque [arcsec].
 
-        share: that of the percentile (0.95).
-        place: the hole; None at rotation 0.
-        It is half the distance of the percentiles one standard error of the share below and above. 0 without samples.
+        It is half the distance between the percentiles one standard error of the share below and above. It is 0 without
+        samples.
+
+        share: share of the percentile (0.95).
+        place: index of the hole; None for rotation 0.
         """
         if not self.is_sampled:
             return tuple(0.0 for _ in self.F_ior_arcsec)
@@ -188,27 +202,29 @@ class Decision:
         return tuple((high - low) / 2 for low, high in zip(low_ends, high_ends, strict=True))
 
     def range_of(self, values: Array) -> tuple[float, float, float]:
-        """5th percentile, median and 95th percentile of values, shape (samples,)."""
+        """Return the 5th percentile, median and 95th percentile of values, shape (samples,)."""
         low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in LEVELS.values())
         return low, middle, high
 
     # How good each hole is
 
     def served_at(self, F_ior_arcsec: Array) -> Array:
-        """F'_ior over the mean of all holes at the torque served worst, from (torques, samples, ...), (samples, ...).
+        """Return F'_ior over the mean of all holes at the governing torque, shape (samples, ...).
 
-        The mean is the same wherever the wheel stands, so that no hole is preferred for being the present one.
+        The mean does not depend on the present hole, so the present hole is not preferred.
+
+        F_ior_arcsec: F'_ior [arcsec], shape (torques, samples, ...).
         """
         return governing_share(F_ior_arcsec, self.F_ior_arcsec)
 
     @cached_property
     def served(self) -> Array:
-        """That of each hole, shape (samples, holes)."""
+        """F'_ior of each hole over the mean of all holes at the governing torque, shape (samples, holes)."""
         return self.served_at(self.F_ior_arcsec)
 
     @cached_property
     def losses(self) -> Array:
-        """Loss of each hole against the best one at the torque served worst, as a share, shape (samples, holes)."""
+        """Loss of each hole relative to the best one at the governing torque, as a share, shape (samples, holes)."""
         return losses_of(self.served)
 
     @cached_property
@@ -218,24 +234,24 @@ class Decision:
 
     @cached_property
     def probability_good(self) -> Array:
-        """Probability of each hole to lose less than GOOD, shape (holes,)."""
+        """Probability that the loss of each hole is less than GOOD, shape (holes,)."""
         return self._of_holes(self.losses < GOOD)
 
     def _of_holes(self, values: NDArray[Any]) -> Array:
-        """Mean over samples, shape (holes,); of holes that are all alike one mean, as they differ by chance alone."""
+        """Return means over samples, shape (holes,); equivalent holes, which differ only by chance, get one mean."""
         means = np.average(values, axis=0, weights=self.sample_weights)
         return np.full_like(means, means.mean()) if self.all_alike else means
 
     def gains(self, place: int) -> Array:
-        """Share of F'_ior at rotation 0 that a hole takes off at every torque at least, shape (samples,)."""
+        """Return the smallest relative reduction of F'_ior from rotation 0 over the torques, shape (samples,)."""
         return np.asarray((1 - self.F_ior_arcsec[:, :, place] / np.maximum(self.now_arcsec, NO_ERROR)).min(axis=0))
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
-        """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
+        """Return whether a hole is better than staying by more than the cost of a turn, shape (samples,)."""
         return np.asarray(self.served[:, place] < (1 - self.cost) * self.served_at(self.now_arcsec))
 
     def probability_better(self, place: int) -> float:
-        """Return the probability that a hole is better than the present one, one number for all equivalent holes."""
+        """Return the probability that a hole is better than the present one, which equivalent holes share."""
         places = [place]
         if self.all_alike and place != self.stay:
             places = [place for place in range(len(self.rotations_deg)) if place != self.stay]
@@ -244,9 +260,9 @@ class Decision:
 
     @cached_property
     def probability_kept(self) -> Array | None:
-        """Probability of each hole to meet the limits at all torques that have one, shape (holes,); None without.
+        """Probability that the limits at all torques are met, for each hole, shape (holes,); None without limits.
 
-        It is that of the samples from which `check` states it. Holes that are all alike have that of the present one.
+        It is computed from the same samples as in `check`. Equivalent holes have the probability of the present one.
         """
         kept = limits_met(self.F_ior_arcsec, self.room_arcsec)
         if kept is None:
@@ -256,7 +272,7 @@ class Decision:
         return np.array([self._probability_in(place) for place in range(len(self.rotations_deg))])
 
     def _probability_in(self, place: int) -> float:
-        """Return the probability to meet all limits in a hole, from as many samples as settle it."""
+        """Return the probability that all limits are met in a hole, from as many samples as are needed."""
         assert self.samples
 
         def met(F_ior_arcsec: Array) -> Array:
@@ -273,14 +289,14 @@ class Decision:
 
     @cached_property
     def ranked(self) -> list[int]:
-        """Places of the holes: with a limit the likeliest to keep it first (to a hundredth), then the least loss."""
+        """Indices of the holes, first by the probability of meeting limits (to a hundredth), then by the loss."""
         return ranked_holes(self.expected_loss, self.probability_kept)
 
     @property
     def best(self) -> int:
-        """The hole to mount the wheel in; that where it stands, unless a turn is expected to earn its cost.
+        """The recommended hole, which is the present hole unless the expected gain of a turn pays off.
 
-        A measured outcome has the last word.
+        A measured outcome takes precedence.
         """
         settled = None if self.settled_deg is None else self.place(self.settled_deg)
         if settled is not None:
@@ -291,15 +307,15 @@ class Decision:
 
     @property
     def challenger(self) -> int | None:
-        """The best hole but that where the wheel stands, None where there is no other."""
+        """The best hole other than the present one, None if there is no other."""
         return next((place for place in self.ranked if self.rotations_deg[place]), None)
 
     @property
     def outcome(self) -> NDArray[np.bool_]:
-        """Of which samples the choice is right, shape (samples,).
+        """Whether the choice is right in each sample, shape (samples,).
 
-        A turn: it is better than staying by more than it costs, or good where staying is not allowed. Staying: the best
-        other hole is not better by so much.
+        A turn is right if the hole is better than staying by more than the cost, or good if staying is not allowed.
+        Staying is right if the best other hole is not better by more than the cost.
         """
         if self.stay is None:
             return np.asarray(self.losses[:, self.best] < GOOD)
@@ -320,13 +336,17 @@ class Decision:
         return replace(probability, few=self.worth < FEWEST_SURE)
 
     def is_sure(self, sure: float = SURE) -> bool:
-        """Whether the choice is right with at least such a probability; of few samples with all of its interval."""
+        """Return whether the choice is right with at least a given probability.
+
+        With few samples, the whole interval of the probability must meet this requirement.
+        """
         return self.probability.verdict(sure) is Verdict.PASS
 
     def word(self, sure: float = SURE) -> Word:
-        """Return the choice in a word: TURN or LEAVE if it is at least so sure, else BEST_BET; ANY_HOLE of equal ones.
+        """Return the choice as one word.
 
-        Holes of equal loss are not equal if a limit makes the wheel leave its hole for another one.
+        It is TURN or LEAVE if the probability is at least `sure`, otherwise BEST_BET, and ANY_HOLE for equivalent
+        holes. Holes of equal loss are not equivalent if a limit makes a turn necessary.
         """
         has_to_turn = self.stay is not None and self.best != self.stay
         if self.all_alike or (np.ptp(self.expected_loss) < LEAST_GAIN and not has_to_turn):
@@ -336,7 +356,7 @@ class Decision:
         return "LEAVE" if self.best == self.stay else "TURN"
 
     def action(self, place: int) -> _Action:
-        """One of the holes with all that is known of it."""
+        """Return the mounting in one hole with all its figures."""
         kept = self.probability_kept
         return _Action(
             rotation_deg=self.rotations_deg[place],
@@ -348,11 +368,17 @@ class Decision:
         )
 
     def of_torque(self, torque: int) -> Decision:
-        """Return the decision for one of the torques alone, by its place."""
+        """Return the decision for one torque.
+
+        torque: index of the torque.
+        """
         return self.of_torques(slice(torque, torque + 1))
 
     def of_torques(self, some: slice) -> Decision:
-        """Return the decision for some of the torques alone, by their places."""
+        """Return the decision for some of the torques.
+
+        some: slice of their indices.
+        """
         F_ior = self.F_ior_arcsec[some]
         now_arcsec = self.now_arcsec[some]
         places = self.torque_places[some]
@@ -360,16 +386,16 @@ class Decision:
         return replace(self, F_ior_arcsec=F_ior, now_arcsec=now_arcsec, room_arcsec=room, torque_places=places)
 
 
-# What further values bring
+# --- gain of further values
 
 
 @dataclass(frozen=True)
 class MeasurementValue:
-    """What further measured values are worth: the hole and torque [N*m] to measure next, and F'_ior [arcsec] expected.
+    """Gain of further measured values: the hole and torque of the next one [N*m], and the expected F'_ior [arcsec].
 
     F_ior_arcsec: F'_ior in the hole that would be chosen now, after one more value, after two, and so on. If one torque
-        decides, it is F'_ior at that torque, wherever values are measured. If several torques decide, it is the share
-        that the torque served worst leaves, times F'_ior at the torque of the values.
+        decides, it is F'_ior at that torque, regardless of the torque of the values. If several torques decide, it is
+        the residual share at the governing torque times F'_ior at the torque of the values.
     """
 
     rotation_deg: float
@@ -382,7 +408,7 @@ class MeasurementValue:
         return self.F_ior_arcsec[0] - self.F_ior_arcsec[1]
 
     def is_worth(self, worth: float = WORTH) -> bool:
-        """Whether one more value is expected to gain at least such a share of F'_ior."""
+        """Return whether the expected gain of one more value is at least the given share of F'_ior."""
         return self.gain_arcsec >= worth * self.F_ior_arcsec[0]
 
 
@@ -395,38 +421,39 @@ def value_of_measurement(
     first: Sequence[float] = (),
     seed: int = 0,
 ) -> MeasurementValue:
-    """Return where to measure F'_ior next, and the F'_ior to expect after that value and after further ones.
+    """Return the hole and torque to measure next, and the F'_ior expected after that value and after further ones.
 
-    Each value is taken in the hole and at the torque whose outcome is expected to reduce the loss of the hole chosen
-    afterwards most (knowledge gradient). There is no nested solving: samples are the true drive in turn, and the values
-    reweigh the others. One value is simulated with _LOOKED_AT samples as the true drive, further ones with _FUTURES.
+    Each value is measured in the hole and at the torque that are expected to reduce the loss of the hole chosen
+    afterwards most (knowledge gradient). There is no nested solution: each sample in turn is the true drive, and the
+    values reweight the others. One value is simulated with _LOOKED_AT samples as the true drive, further ones with
+    _FUTURES.
 
     Args:
-        decision: the choice among holes, over weighted samples.
-        measured_arcsec: F'_ior of each sample in each hole, shape (samples, holes), by the torque [N*m] at which values
-            may be measured, the torque of most values first.
+        decision: choice among holes, over weighted samples.
+        measured_arcsec: F'_ior of each sample in each hole, shape (samples, holes), by the torque [N*m] of possible
+            values; the torque of most values comes first.
         noise_arcsec: standard deviation of a value, shape (samples,).
         steps: number of further values.
-        first: rotations [deg] that are measured in any case, before others.
-        seed: of the simulation.
+        first: rotations [deg] that are measured first in any case.
+        seed: seed of the simulation.
     """
     simulation = _Simulation.of(decision, measured_arcsec, noise_arcsec, np.random.default_rng(seed))
     planned = [simulation.nearest_hole(rotation) for rotation in first]
     if not planned:
         planned = [simulation.best_candidate(simulation.prior)]
-    repeated = even_rows(simulation.prior, _FUTURES)  # true drives with which all steps are simulated
+    repeated = even_rows(simulation.prior, _FUTURES)  # true drives for which all steps are simulated
     one_step = []  # F'_ior now and after one value, for every true drive
-    excess_arcsec = []  # excess over the best hole after two values and more, for the repeated ones
+    excess_arcsec = []  # excess over the best hole after two and more values, for the drives in `repeated`
     for truth in range(_LOOKED_AT):
         is_repeated = truth in repeated
         expected = simulation.played(truth, planned, steps if is_repeated else 1)
         one_step.append(expected[:2])
         if is_repeated:
             excess_arcsec.append(np.array(expected[2:]) - simulation.least_arcsec[truth])
-    # control variate: the excess over the best hole varies little, so few true drives suffice for it
+    # control variate: the excess over the best hole varies little, so a few true drives are sufficient
     F_ior_now, after_one = np.mean(one_step, axis=0)
     after_more = simulation.least_arcsec.mean() + np.mean(excess_arcsec, axis=0)
-    expected_arcsec = np.minimum.accumulate([F_ior_now, after_one, *after_more])  # a value cannot harm
+    expected_arcsec = np.minimum.accumulate([F_ior_now, after_one, *after_more])  # a further value cannot do harm
     torque_index, hole = divmod(planned[0], len(decision.rotations_deg))
     return MeasurementValue(
         rotation_deg=decision.rotations_deg[hole],
@@ -436,9 +463,9 @@ def value_of_measurement(
 
 
 def _candidate_holes(losses: Array) -> NDArray[np.int64]:
-    """Return the holes that a further value may be measured in: those that may still become the choice.
+    """Return the holes to consider for a further value, which are those that may still become the choice.
 
-    losses: of samples of equal weight in each hole, shape (samples, holes).
+    losses: losses of equally weighted samples in each hole, shape (samples, holes).
     """
     holes = losses.shape[1]
     even_holes = np.linspace(0, holes, min(holes, _MOST_CANDIDATES), endpoint=False).astype(int)
@@ -449,26 +476,26 @@ def _candidate_holes(losses: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class _Simulation:
-    """Samples of equal weight with which further values are simulated.
+    """Equally weighted samples with which further values are simulated.
 
     A place is a hole at a torque; places are numbered torque by torque.
     """
 
     rotations_deg: Array
-    losses: Array  # of each hole, shape (samples, holes)
-    F_ior_arcsec: Array  # in each place, shape (samples, places)
+    losses: Array  # losses of each hole, shape (samples, holes)
+    F_ior_arcsec: Array  # F'_ior in each place, shape (samples, places)
     governing_arcsec: Array  # F'_ior in each hole at the governing torque, shape (samples, holes)
     noise_arcsec: Array  # standard deviation of a value, shape (samples,)
-    candidates: NDArray[np.int64]  # places in which a value may be taken
-    readings: Array  # a value of each sample in each candidate, with its noise, shape (candidates, samples)
-    order: NDArray[np.int64]  # sorts the readings of each candidate
+    candidates: NDArray[np.int64]  # places to consider for a value
+    readings: Array  # value of each sample in each candidate, with noise, shape (candidates, samples)
+    order: NDArray[np.int64]  # indices that sort the readings of each candidate
     rng: np.random.Generator
 
     @classmethod
     def of(
         cls, decision: Decision, measured_arcsec: Mapping[float, Array], noise_arcsec: Array, rng: np.random.Generator
     ) -> _Simulation:
-        """Return the simulation of a decision, with the arguments of value_of_measurement."""
+        """Return the simulation of a decision; the arguments are those of `value_of_measurement`."""
         rows = even_rows(decision.sample_weights, _LOOKED_AT)
         holes = len(decision.rotations_deg)
         F_ior = np.hstack([by_hole[rows] for by_hole in measured_arcsec.values()])
@@ -503,7 +530,7 @@ class _Simulation:
         return np.asarray(self.governing_arcsec.min(axis=1))
 
     def nearest_hole(self, rotation_deg: float) -> int:
-        """Return the place of the hole nearest to a rotation, at the first torque."""
+        """Return the index of the hole nearest to a rotation, at the first torque."""
         turn = (self.rotations_deg - rotation_deg + 180) % 360 - 180
         return int(np.argmin(abs(turn)))
 
@@ -530,21 +557,21 @@ class _Simulation:
         outcomes = np.take_along_axis(self.readings, np.array(picked), axis=1)
         true = self.F_ior_arcsec[:, self.candidates].T
         residual = (outcomes[..., None] - true[:, None]) / self.noise_arcsec
-        density = np.exp(-0.5 * residual**2) / self.noise_arcsec * weights  # (candidates, outcomes, samples)
+        density = np.exp(-0.5 * residual**2) / self.noise_arcsec * weights  # shape (candidates, outcomes, samples)
         posterior_loss = density @ self.losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
         loss_of_chosen = posterior_loss[..., self.chosen_hole(weights)]
         return np.asarray((loss_of_chosen - posterior_loss.min(axis=2)).mean(axis=1))
 
     def played(self, truth: int, planned: Sequence[int], steps: int) -> list[float]:
-        """Return F'_ior of a true drive [arcsec] in the hole chosen before any value, after one, and so on.
+        """Return F'_ior of a true drive [arcsec] in the holes chosen before any value, after one value, and so on.
 
         Args:
-            truth: number of the sample that is the true drive.
-            planned: places of the first values; later ones are taken where they are expected to gain most.
+            truth: index of the sample that is the true drive.
+            planned: places of the first values; later ones are measured where the expected gain is largest.
             steps: number of values.
         """
         weights = self.prior
-        weights[truth] = 0  # the true drive is not among its samples
+        weights[truth] = 0  # exclude the true drive from the samples
         expected = [self.governing_arcsec[truth, self.chosen_hole(weights)]]
         for step in range(steps):
             place = planned[step] if step < len(planned) else self.best_candidate(weights)
@@ -563,10 +590,10 @@ class _Simulation:
 
 
 def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> Decision:
-    """The decision over drives like the samples, as belief/evidence.py has them: another scale, and a smooth misfit.
+    """Return the decision over drives similar to the samples: with another scale and a smooth misfit.
 
-    Samples of a belief are drives of the model; what is measured differs from those. Where no hole can be told from
-    another, the samples stand in all directions.
+    The samples are drives of the model, from which measured values differ (belief/evidence.py). If known inputs cannot
+    distinguish the holes, the samples are turned in all directions.
     """
     rng = np.random.default_rng(seed)
     rows = even_rows(decision.sample_weights, number)

@@ -1,4 +1,4 @@
-"""Positions of the fixed wheel on its seat, and F'_ior over them: the gain of turning it.
+"""Positions of the fixed wheel on its seat, F'_ior over them, and thus the gain of turning the wheel.
 
 Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 """
@@ -29,16 +29,16 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.loadcase import CrossCheck, solvers_depend_on
 from hdassist.solve.walk import digits_depend_on
 
-LEAST_STEP = 0.01  # deg between positions: 36 000 of them
+LEAST_STEP = 0.01  # deg; smallest step between positions, which gives 36 000 of them
 
 
 @dataclass(frozen=True)
 class Position:
-    """The fixed wheel turned by rotation_deg from its present position, and F'_ior [arcsec] there at each torque.
+    """The fixed wheel turned by rotation_deg from its present position, with F'_ior at each torque [arcsec].
 
-    phase_deg: direction of the fixed wheel's deviation relative to the wave generator eccentricity that is fixed to
-    the housing, 0 to 360.
-    hole: number of seat holes by which it is turned; None if that is not a whole number.
+    phase_deg: direction of the fixed wheel's deviation relative to the wave generator eccentricity that is fixed to the
+        housing, 0 to 360.
+    hole: number of seat holes by which the wheel is turned; None if that is not a whole number.
     """
 
     rotation_deg: float
@@ -48,7 +48,7 @@ class Position:
 
     @property
     def short_way_deg(self) -> float:
-        """The same turn by the shorter way, in -180..180: negative is clockwise."""
+        """The same rotation in the shorter direction, -180 to 180; negative is clockwise."""
         return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
 
 
@@ -57,11 +57,11 @@ class MountingCurve:
     """F'_ior over rotations of the fixed wheel.
 
     torques: torques [N*m].
-    rotation_deg: shape (rotations,), counter-clockwise, seen from the wave generator side, with the present position
-    first.
-    phase_deg: the same positions as phases.
-    F_ior_arcsec: shape (torques, rotations).
-    every_state: same shape; whether all states were solved, not searched.
+    rotation_deg: rotations [deg], shape (rotations,), counter-clockwise, seen from the wave generator side, with the
+        present position first.
+    phase_deg: the same positions as phases [deg].
+    F_ior_arcsec: F'_ior [arcsec], shape (torques, rotations).
+    every_state: whether all states were solved, in contrast to a search, shape (torques, rotations).
     holes: number of holes of the seat; 0 for a free angle.
     allowed: allowed hole numbers; None for all.
     """
@@ -77,7 +77,7 @@ class MountingCurve:
     allowed: tuple[int, ...] | None = None
 
     def at(self, place: int) -> Position:
-        """One of the positions."""
+        """Return one of the positions by its index."""
         values = tuple(self.F_ior_arcsec[:, place].tolist())
         rotation = float(self.rotation_deg[place])
         return Position(
@@ -89,7 +89,7 @@ class MountingCurve:
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Which positions the wheel can be mounted in, shape (rotations,)."""
+        """Whether the wheel can be mounted in each position, shape (rotations,)."""
         holes = [hole_of(rotation, self.holes) for rotation in self.rotation_deg.tolist()]
         free = not self.holes
         return np.array(
@@ -98,12 +98,12 @@ class MountingCurve:
 
     @property
     def current(self) -> Position:
-        """Where the wheel stands."""
+        """Present position of the wheel."""
         return self.at(0)
 
     @property
     def recommended(self) -> Position:
-        """The usable position that is best for the torque it serves worst; the first of equals."""
+        """The best usable position at the governing torque; the first of equal ones."""
         return self.ranked[0]
 
     @property
@@ -114,50 +114,54 @@ class MountingCurve:
 
 
 def merit(F_ior: Array, scale: Array) -> Array:
-    """Greatest over the torques of F'_ior, shape (torques, ...), over a scale, shape (torques,); shape (...,)."""
+    """Return the largest F'_ior over the torques, relative to a scale, shape (...,).
+
+    F_ior: F'_ior, shape (torques, ...).
+    scale: scale at each torque, shape (torques,).
+    """
     return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(scale, NO_ERROR), axis=-1))
 
 
 def hole_of(rotation_deg: float, holes: int) -> int | None:
-    """Holes of a seat that a turn [deg] is, None where it is no whole number of them."""
+    """Return the number of seat holes in a rotation [deg], None if it is not a whole number."""
     turned = rotation_deg * holes / 360
     return round(turned) if holes and abs(turned - round(turned)) < 1e-9 else None
 
 
 def hole_words(rotation_deg: float, holes: int) -> str:
-    """A position in words: hole 4 (120 deg), or the angle alone."""
+    """Return the name of a position in words: hole 4 (120 deg), or only the angle."""
     hole = hole_of(rotation_deg, holes)
     return f"{rotation_deg:g}°" if hole is None else f"hole {hole} ({rotation_deg:g}°)"
 
 
 def bare(rotation_deg: float, holes: int) -> str:
-    """A position as a bare number: the hole, or the angle [deg] where it is none."""
+    """Return the name of a position as a bare number: the hole, or the angle [deg] if there is no hole."""
     hole = hole_of(rotation_deg, holes)
     return f"{rotation_deg:g}" if hole is None else f"{hole}"
 
 
 def named_position(rotation_deg: float, holes: int) -> str:
-    """A position as options name it: h4, or the angle [deg] where it is no hole."""
+    """Return the name of a position as in options: h4, or the angle [deg] if there is no hole."""
     hole = hole_of(rotation_deg, holes)
     return f"{rotation_deg:g}" if hole is None else f"h{hole}"
 
 
 def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP_DEG) -> list[float]:
-    """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
+    """Return the rotations to the usable positions [deg]: the usable holes, or equal steps if the angle is free."""
     if not holes:
         return [free_step * k for k in range(round(360 / free_step))]
     return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
 
 
 def seat_positions(drive: Drive, free_step: float = FREE_STEP_DEG) -> list[float]:
-    """Turns of the fixed wheel [deg] to try: those that may be chosen, and 0, where the wheel stands."""
+    """Return the rotations to try [deg]: those to the usable positions, and 0, the present position."""
     return sorted({0.0, *usable_positions(drive.mounting.holes, drive.mounting.allowed, free_step)})
 
 
 def rotated(drive: Drive, rotation_deg: float) -> Drive:
     """Return the drive with its fixed wheel turned on its seat.
 
-    rotation_deg: counter-clockwise [deg], seen from the wave generator side.
+    rotation_deg: rotation [deg], counter-clockwise seen from the wave generator side.
     """
     return drive.with_values({path: drive.number(path) + rotation_deg for path in carried(drive)})
 
@@ -165,8 +169,8 @@ def rotated(drive: Drive, rotation_deg: float) -> Drive:
 def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg: float = 0.0) -> float:
     """Return the direction of the fixed wheel's deviation relative to the housing-fixed eccentricity [deg], 0 to 360.
 
-    For a measured fixed wheel, the direction of its mark counts. Turning the wheel turns this direction by the same
-    angle.
+    For a measured fixed wheel, the direction of its mark counts. A rotation of the wheel changes the direction by the
+    same angle.
     """
     xi_g, xi_b = np.degrees(tooth_phases(drive))
     rigid = drive.mounting.fixed == "rigid"
@@ -176,25 +180,25 @@ def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg:
     return float(np.mod(round(float(phase) + rotation_deg, 9), 360.0))
 
 
-_SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
-_SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
-_POSITIONS_A_TASK = 3  # positions that one task searches
-HOLES = 24  # positions of which every state is solved
+_SAMPLED_STATES = 1  # random states solved again at each position, in addition to the extremes
+_SEARCH_TOLERANCE = 0.01  # arcsec; largest error of a search before every state is solved
+_POSITIONS_A_TASK = 3  # number of positions searched by one task
+HOLES = 24  # largest number of positions at which every state is solved
 
 
 def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: MeasuredTeeth | None) -> bool:
-    """Return whether extremes at a number of positions are searched.
+    """Return whether extremes at a number of positions are found by search.
 
-    For few positions every state is solved, unless inputs are sampled too. The error of measured teeth is not
+    For a few positions every state is solved, unless inputs are sampled as well. The error of measured teeth is not
     continuous, so it cannot be searched.
     """
     return (drawn or positions > HOLES) and not measured and searchable(drive)
 
 
-_CrossChecks = list[Future[list[CrossCheck]]]  # under way
+_CrossChecks = list[Future[list[CrossCheck]]]  # cross-checks in progress
 _KeptCurve = tuple[
     list[list[Magnitude]], list[list[StrictBool]], Certificate, list[CrossCheck]
-]  # F'_ior, every state, proofs
+]  # F'_ior, whether every state was solved, certificate and cross-checks
 
 
 def _kept_curve_type(torques: int, rotations: int) -> TypeAdapter[_KeptCurve]:
@@ -218,7 +222,7 @@ def mounting_curve(
     drawn: bool = False,
     run: Run = Run(),
 ) -> MountingCurve:
-    """The curve that `begun_curve` makes of the same arguments, with its cross-checks."""
+    """Return the curve of `begun_curve` for the same arguments, with its cross-checks."""
     return begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)[1]()
 
 
@@ -231,17 +235,22 @@ def begun_curve(
     drawn: bool = False,
     run: Run = Run(),
 ) -> tuple[MountingCurve, Callable[[], MountingCurve]]:
-    """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
+    """Return F'_ior over the full cycle at each torque and each rotation of the fixed wheel, before its cross-checks.
 
-    Its cross-checks go on beside what follows: the second result waits for the curve with them, and raises
-    UntrustedError where two solvers disagree. It is kept then, where the preset alone decides it. Of up to HOLES
-    positions every state is solved. Of more, or where samples are drawn too, extremes are proposed by a grid of states
-    and proven; where the wheel stands and at the recommended position every state is solved then, and should more than
-    SEARCH_TOLERANCE have been missed there, everywhere.
+    The cross-checks run in parallel with later work. The second result is a function that waits for them, returns the
+    curve with them and stores it if the preset alone determines it. The function raises UntrustedError if two solvers
+    disagree.
 
-    Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    drawn, whether samples of uncertain inputs are drawn too. Raises UsageError where the present position is not the
-    first, UntrustedError where an answer cannot be trusted.
+    Every state is solved for up to HOLES positions. For more positions, or if samples are drawn as well, a grid of
+    states proposes extremes, which are verified. Every state is then solved at the present and at the recommended
+    position, and everywhere if the search was wrong there by more than _SEARCH_TOLERANCE.
+
+    torques: torques [N*m].
+    rotations_deg: rotations [deg], starting with 0, the present position.
+    measured: measured wheels that replace first harmonics.
+    drawn: whether uncertain inputs are sampled as well.
+
+    Raises UsageError if the present position is not the first, UntrustedError if a result cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
@@ -290,7 +299,7 @@ def begun_curve(
 
 
 def _kept_curve_of(drive: Drive, curve: MountingCurve, searched: bool, run: Run) -> KeptAnswer[_KeptCurve] | None:
-    """Return the place of a curve in the user's cache, None if the solver of its cross-check has no known version."""
+    """Return the cache entry of a curve, None if the version of its cross-check solver is unknown."""
     solver_versions = solvers_depend_on(run.cross_check)
     if solver_versions is None:
         return None
@@ -312,9 +321,9 @@ def _searched_curve(
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
 ) -> tuple[MountingCurve, _CrossChecks]:
-    """Return a curve that is searched at all places, and solved in every state at those that decide.
+    """Return a curve found by search in all positions, with every state solved in those that decide.
 
-    The arguments are those of _solved; the first drive is not turned.
+    The arguments are those of `_solved`; the first drive is not turned.
     """
     rotations_deg = curve.rotation_deg.tolist()
     drive = drives[0]
@@ -341,13 +350,13 @@ def _solved(
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
 ) -> tuple[MountingCurve, _CrossChecks]:
-    """Return a curve with every state solved at some places, and the pending cross-checks of some states.
+    """Return a curve with every state solved in some positions, and pending cross-checks of some states.
 
     Args:
-        curve: its values elsewhere stay.
-        places: shape (torques, rotations).
-        drives: with the wheel turned, by rotation.
-        wheels: their measured wheels.
+        curve: curve whose other values do not change.
+        places: whether each position is solved, shape (torques, rotations).
+        drives: drives with the wheel turned, by rotation.
+        wheels: measured wheels of these drives.
         run: processes and progress.
     """
     rows, columns = (index.tolist() for index in np.nonzero(places))
@@ -367,13 +376,13 @@ def _solved(
 
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
-    """Return F'_ior [arcsec] of extremes that were searched and verified, shape (torques, rotations)."""
+    """Return F'_ior [arcsec] from extremes found by search, shape (torques, rotations), with their certificate."""
     extremes = [many_extremes(error_map, Batch.turned(drive, rotations)) for error_map in error_maps(drive, torques)]
     F_ior = np.array([of_torque.F_ior_arcsec for of_torque in extremes])
     return F_ior, sum((of_torque.certificate for of_torque in extremes), EMPTY)
 
 
 def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
-    """Return F'_ior [arcsec], and the error at the states for another solver, with the certificate of all states."""
+    """Return F'_ior [arcsec], and the error in the states for the cross-check, with the certificate of all states."""
     error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
     return error.F_ior_arcsec, error.sampled(_SAMPLED_STATES, run.seed)

@@ -1,13 +1,15 @@
-"""F'_ior measured in holes: values and records as given, and samples of the belief in tables, reweighed by them.
+"""F'_ior measured in holes: values and recordings as entered, and samples of the drive that they reweight.
 
-Values may be of several torques: the scale is the same at all of them, the misfit another one, as large a share.
+Values may be measured at several torques. The scale is the same at all torques; the misfit differs, with the same
+relative size.
 
-Stiffnesses, clearances and the wave are drawn as `check` draws them, by the evidence of stiffness; with each draw of
-these F'_ior of many draws of the deviations is read off a table (belief/proposals.py), in all directions that stand.
-Smooth curves over the holes that no drive made stand beside them: where no drive shows the values, these decide.
+Stiffnesses, clearances and the radial deflection are sampled as in `check`, by the reference data on stiffness. For
+each of these samples, a table gives F'_ior of many samples of the deviations (belief/proposals.py), with the stationary
+deviations in all directions. The samples also include smooth curves over the holes that no drive produced. They decide
+if no drive shows the values.
 
-Given a sample all is normal: the drive shows it with a scale, a smooth misfit and noise about the stated one
-(belief/evidence.py), misfit and noise both weighed by the values. Any one value may be misread.
+Given a sample, all distributions are normal: a scale, a smooth misfit and noise relate the drive to the sample
+(belief/evidence.py). The values determine the weights of misfit and noise. Any one value may be misread.
 """
 
 from __future__ import annotations
@@ -63,17 +65,17 @@ from hdassist.readers.trace import LARGEST_ERROR
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_LEAST_NOISE = 1e-3  # arcsec
+_LEAST_NOISE = 1e-3  # arcsec; smallest noise of a value from a recording
 TRIAL_HINT = "use h4=17.3 (hole) or 120=17.3 (degrees), F'_ior in arcsec, or h4=run.csv for a recording"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
+    """F'_ior measured with the fixed wheel turned by rotation_deg from its initial position [arcsec].
 
-    M_g: torque [N*m]; None: that of the setup.
-    noise_arcsec: standard deviation of this value; None: that of the setup.
-    file: the recording that has this value; empty if the value itself was given.
+    M_g: torque [N*m]; None for that of the setup.
+    noise_arcsec: standard deviation of this value; None for that of the setup.
+    file: recording that gives this value; empty if the value itself was entered.
     """
 
     rotation_deg: float
@@ -84,10 +86,13 @@ class Trial:
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
-    """Read 120=17.3 (degrees), h4=17.3 (holes of the seat, of which some are allowed) or h4@80=17.3 (N*m).
+    """Parse a trial: 120=17.3 (degrees), h4=17.3 (a hole of the seat) or h4@80=17.3 (with a torque in N*m).
 
-    A decimal comma is a decimal point, as in all values of the command line: the Russian card prints 17,3.
-    Raises UsageError for all else.
+    A decimal comma is accepted, as in all values of the command line, because the Russian card prints 17,3.
+
+    allowed: hole numbers that may be used.
+
+    Raises UsageError for any other text.
     """
     where, _, value = text.lower().partition("=")
     rotation, M_g = _read_trial_position(where, text, holes, allowed)
@@ -101,9 +106,9 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
 def _read_trial_position(
     name: str, text: str, holes: int, allowed: Sequence[int] | str = "all"
 ) -> tuple[float, float | None]:
-    """Turn [deg] and torque [N*m] of the position in a trial's text: degrees or a hole of the seat, and @80 or none.
+    """Return the rotation [deg] and torque [N*m] of the position in a trial's text; the torque is None without @80.
 
-    Raises UsageError for all else.
+    Raises UsageError for any other text.
     """
     where, separator, torque = name.partition("@")
     M_g = number_of(with_decimal_points(torque)) if separator else None
@@ -127,11 +132,16 @@ def _read_trial_position(
 def read_trial_or_record(
     text: str, drive: Drive, reading: Reading, M_g: float, seed: int = 0, allowed: Sequence[int] | str = "all"
 ) -> Trial:
-    """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
+    """Parse h4=17.3 as read_trial does, or h4=run.csv, a recording of the drive's error over its full cycle.
 
-    A record's file has a suffix or a folder in its name, or is there and its name no number. reading: of the record;
-    M_g, torque [N*m] where the text has none; seed of the bootstrap. Raises those of read_trial, read_trace and
-    measure; UntrustedError for a record of less than the cycle.
+    A file is recognised by a suffix or folder in its name, or by its existence if its name is not a number.
+
+    reading: settings for reading a recording.
+    M_g: torque if the text has none [N*m].
+    seed: seed of the bootstrap.
+
+    Raises the errors of read_trial, read_trace and measure, and UntrustedError for a recording of less than the full
+    cycle.
     """
     where, _, file = text.partition("=")
     is_number = not isnan(number_of(with_decimal_points(file)))
@@ -139,7 +149,7 @@ def read_trial_or_record(
         return read_trial(text, drive.mounting.holes, allowed)
     rotation, own_torque = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     record = reading.measured(file, drive, seed=seed, M_g=M_g if own_torque is None else own_torque)
-    greatest = with_full_cycle(record).directions[0]  # the value and the uncertainty that measure states
+    greatest = with_full_cycle(record).directions[0]  # value and uncertainty as in the result of measure
     if greatest.is_bound and (covered := greatest.coverage):
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
@@ -153,36 +163,43 @@ def read_trial_or_record(
 
 
 _Places = NDArray[np.int64]
-Point = tuple[float, float]  # a position of the wheel [deg] and a torque [N*m]
+Point = tuple[float, float]  # position of the wheel [deg] and torque [N*m]
 
-_WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
-_NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
+_WIDEST_SIZE = 2.0  # largest size without an uncertainty, over that of the preset
+# standard deviation of the logarithm of noise over stated noise, which is within a factor of three with 95 %
+_NOISE_SPREAD = 0.56
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / _NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 _POSTERIOR_DRAWS = 2048
-_FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
-SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a table
-_DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
-_COMPARED = 16  # drives with a table of one system, to see its error
-_FREE_SHARE = 0.25  # probability before any value that they are a smooth curve which no drive of the preset shows
-_PHASOR_SHARE = 0.25  # that they are the sum of two phasors
-# curves of each of the two families, and times that waves of smooth ones go around the seat
+_FAR_LIKELIER = 100.0  # ratio of probabilities from which another torque is considered that of the values
+SAMPLES_A_TABLE = 2  # effective samples of the stiffness fields per system with a table
+_DRAWS_A_TABLE = 64  # largest number of draws of systems per required table
+_COMPARED = 16  # number of drives compared with the table of one system to measure its error
+_FREE_SHARE = 0.25  # prior probability that the values are from a smooth curve which no drive of the preset shows
+_PHASOR_SHARE = 0.25  # prior probability that the values are from the sum of two phasors
+# number of curves of each of the two families, and number of orders of the smooth ones
 _FREE_CURVES = 1024
 _FREE_ORDERS = 4
 _FREE_CURVE_ORDERS = np.arange(1, _FREE_ORDERS + 1)
-_PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]  # of the numbers of a smooth curve: constant, cosine and sine of order 1
-_LEAST_SQUARE = 1e-4  # of the mean square of values: F'_ior of two phasors that cancel is no less than a hundredth
+# indices of constant, cosine and sine of order 1 among the numbers of a smooth curve
+_PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]
+# smallest square, over the mean square of values: F'_ior of two opposite phasors is at least a hundredth
+_LEAST_SQUARE = 1e-4
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
-_FREE_NEAR = 0.01  # of a value: within that of it they are drawn as densely, however little noise is stated
-_STATED_SHARE = 0.5  # probability before any value that the standing offset is as the preset states it
-_OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
+# share of a value within which curves are sampled with equal density, even for very small stated noise
+_FREE_NEAR = 0.01
+_STATED_SHARE = 0.5  # prior probability that the stationary eccentricity is as stated in the preset
+_OPEN = 40.0  # deg; standard deviation above which a direction is considered unknown
 
 
 @dataclass(frozen=True)
 class TrialSetup:
-    """How F'_ior is measured in holes, unless a value has its own: at a torque [N*m], with noise [arcsec].
+    """Conditions of measurements of F'_ior in holes, unless a value has its own.
 
-    That is the standard deviation of a value, that of mounting the wheel again included; others, further torques at
-    which values may be measured. Raises UsageError unless the torque turns something and the noise is one.
+    M_g: torque [N*m].
+    noise_arcsec: standard deviation of a value, including reinstallation of the wheel.
+    others: further torques at which values may be measured [N*m].
+
+    Raises UsageError if the torque or the noise is invalid.
     """
 
     M_g: float
@@ -198,12 +215,12 @@ class TrialSetup:
             )
 
     def point(self, trial: Trial) -> Point:
-        """Position [deg] and torque [N*m] of a value."""
+        """Return the position [deg] and torque [N*m] of a value."""
         return trial.rotation_deg, self.M_g if trial.M_g is None else trial.M_g
 
 
 def in_order(trials: Sequence[Trial], setup: TrialSetup) -> tuple[Trial, ...]:
-    """Return measured values by position, torque, value and noise: sums and random numbers follow their order."""
+    """Return measured values sorted by position, torque, value and noise, which sums and random numbers depend on."""
 
     def place(trial: Trial) -> tuple[float, float, float, float]:
         noise_arcsec = setup.noise_arcsec if trial.noise_arcsec is None else trial.noise_arcsec
@@ -213,18 +230,22 @@ def in_order(trials: Sequence[Trial], setup: TrialSetup) -> tuple[Trial, ...]:
 
 
 def _is_torque(M_g: float) -> bool:
-    """Whether F'_ior can be measured at a torque [N*m]: beyond that, squares are no numbers."""
+    """Return whether a torque [N*m] is valid for measurements; squares of larger ones would overflow."""
     return 0 < abs(M_g) <= 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class HoleSamples:
-    """Samples of a drive, and F'_ior [arcsec] with what stands turned in steps.
+    """Samples of a drive, and F'_ior with stationary deviations turned in steps.
 
-    F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
-    read_error, relative standard deviation of it; values of the offset that stands with the wheel by field,
-    shape (samples, directions), NaN of curves that no drive made; seed; few: how many systems agree with the preset's
-    evidence, in words, where they are fewer than wanted; draws: effective sample size that was asked for.
+    F_ior_by_torque: F'_ior [arcsec] by torque M_g [N*m], shape (samples, directions) each.
+    weight: weights with sum 1, shape (samples, directions).
+    values: size and direction of the stationary eccentricity by field, shape (samples, directions), NaN for curves that
+        no drive produced.
+    read_error: relative standard deviation of F'_ior from tables.
+    seed: seed of the samples.
+    few: remark on the effective sample size if it is smaller than requested.
+    draws: requested effective sample size.
     """
 
     drive: Drive
@@ -240,29 +261,32 @@ class HoleSamples:
 
     @property
     def F_ior_arcsec(self) -> Array:
-        """F'_ior [arcsec] at the torque of the setup with the wheel at 0, shape (samples, directions)."""
+        """F'_ior at the torque of the setup with the wheel at 0 [arcsec], shape (samples, directions)."""
         return self.F_ior_by_torque[self.setup.M_g]
 
     @cached_property
     def levels(self) -> dict[float, float]:
-        """F'_ior over that at the torque of the setup, median of all samples and directions, by M_g [N*m]."""
+        """Median of F'_ior relative to that at the torque of the setup, over samples and directions, by M_g [N*m]."""
         return {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
 
     @property
     def possible(self) -> _Places:
-        """Flat places among samples and directions that weigh anything."""
+        """Flat indices of the samples and directions with a positive weight."""
         return np.flatnonzero(self.weight)
 
     def at(self, points: Sequence[Point], places: _Places) -> Array:
-        """F'_ior [arcsec] with the wheel turned at torques, shape (places, points): that of directions less by as much.
+        """Return F'_ior at torques with the wheel turned [arcsec], shape (places, points).
 
-        Argument: flat places among samples and directions.
+        A rotation of the wheel is equivalent to the opposite rotation of the directions.
+
+        points: rotations [deg] and torques [N*m].
+        places: flat indices into samples and directions.
         """
         shown = (turned_errors(self.F_ior_by_torque[M_g], [turn], places) for turn, M_g in points)
         return np.hstack([np.empty((len(places), 0)), *shown])
 
     def predicted(self, trial: Trial) -> MeasuredBeside:
-        """Return a measured value beside the range that the preset predicts there without measured values."""
+        """Return a measured value with the range that the preset predicts without measured values."""
         rotation_deg, M_g = self.setup.point(trial)
         is_drive = ~np.isnan(self.values[standing_offset(self.drive)[0]].ravel()[self.possible])
         places = self.possible[is_drive]
@@ -274,9 +298,9 @@ class HoleSamples:
         )
 
     def correlation(self, points: Sequence[Point]) -> Array:
-        """Covariance of the misfit between points over its variance at the torque of the setup, shape (points, points).
+        """Return the covariance of the misfit between points, over its variance at the torque of the setup.
 
-        At another torque it is another one, as large a share of F'_ior.
+        The misfits at different torques are independent, with the same relative size. The shape is (points, points).
         """
         turns = [turn for turn, _ in points]
         torques = [M_g for _, M_g in points]
@@ -285,22 +309,22 @@ class HoleSamples:
         return np.asarray(kernel(turns, turns) * same_torque * np.multiply.outer(levels, levels))
 
     def mean(self, places: _Places) -> Array:
-        """Mean F'_ior of samples over all directions [arcsec], shape (places,)."""
+        """Return the mean F'_ior of samples over all directions [arcsec], shape (places,)."""
         return np.asarray(self.F_ior_arcsec.mean(axis=1)[places // self.weight.shape[1]])
 
     def noise(self, trials: Sequence[Trial]) -> Array:
-        """Standard deviations of measured values as stated [arcsec], shape (trials,): their own, or that of all."""
+        """Return the stated standard deviations of values [arcsec], shape (trials,), from the values or the setup."""
         noise_arcsec = [
             self.setup.noise_arcsec if trial.noise_arcsec is None else trial.noise_arcsec for trial in trials
         ]
         return np.array(noise_arcsec, dtype=float)
 
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Return the samples with curves over the seat that no drive made: Trials 5 in docs/theory.md.
+        """Return the samples together with curves over the seat that no drive produced: Trials 5 in docs/theory.md.
 
-        Their level is lognormal about that of the samples. Smooth curves have normal waves, as large as those of the
-        samples: another drive is as smooth. Others are the sum of two phasors. The curves are drawn near the values,
-        and weighted for that.
+        Their level is lognormal with the median of the samples. Smooth curves have normal waves of the same size as
+        those of the samples, because another drive is equally smooth. Other curves are the sum of two phasors. The
+        curves are sampled near the values, with weights that correct for this.
         """
         smooth_curves, smooth_weights = self._free_curves(trials)
         phasor_curves, phasor_weights = self._phasor_curves(trials)
@@ -313,7 +337,7 @@ class HoleSamples:
         }
         sample_weight = (1 - _FREE_SHARE - _PHASOR_SHARE) * self.weight
         curve_weight = np.zeros(curves.shape)
-        # a turned curve is another curve
+        # only direction 0 has a weight, because a turned curve is another curve
         curve_weight[:, 0] = np.concatenate([_FREE_SHARE * smooth_weights, _PHASOR_SHARE * phasor_weights])
         weight = np.vstack([sample_weight, curve_weight])
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
@@ -323,7 +347,7 @@ class HoleSamples:
 
         The curves have shape (_FREE_CURVES, directions) [arcsec].
         """
-        log_F = np.log(self.F_ior_arcsec)  # (samples, directions)
+        log_F = np.log(self.F_ior_arcsec)  # shape (samples, directions)
         sample_share = self.weight.sum(axis=1)
         level = sample_share @ log_F.mean(axis=1)
         directions = log_F.shape[1]
@@ -340,24 +364,24 @@ class HoleSamples:
             kinds,
             np.random.default_rng([self.seed, 3]),
         )
-        basis = sizes * _harmonics(2 * np.pi * np.arange(directions) / directions)  # (directions, numbers)
+        basis = sizes * _harmonics(2 * np.pi * np.arange(directions) / directions)  # shape (directions, numbers)
         curves = np.exp(level + numbers @ basis.T)
         return curves, density / _FREE_CURVES
 
     def _phasor_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
-        """Return curves of two phasors near the values, and their weights, as _free_curves does.
+        """Return curves of two phasors near the values, and their weights, in the form of `_free_curves`.
 
-        One phasor stays and one turns with the wheel. The square of F'_ior is linear in three numbers:
+        One phasor is stationary and one turns with the wheel. The square of F'_ior is linear in three numbers:
 
         (2)  F'_ior^2 = level^2 (p + q cos(turn) + r sin(turn)),  q^2 + r^2 < p^2
 
-        sqrt(p) is lognormal, and every point (q, r) of the circle is as probable.
+        sqrt(p) is lognormal, and all points (q, r) of the circle have the same probability.
         """
         log_F = np.log(self.F_ior_arcsec)
         level = float(self.weight.sum(axis=1) @ log_F.mean(axis=1))
         squares = np.square(self._values_at_setup(trials) / np.exp(level))
         kinds = error_kinds(len(trials), LOG_NOISES)
-        # numbers are drawn from normal ones about the values: p, q, r
+        # the numbers p, q, r are sampled from a normal distribution near the values
         size = float(squares.mean()) if trials else 1.0
         middle = np.array([size, 0.0, 0.0])
         basis = _harmonics(-np.radians([trial.rotation_deg for trial in trials]))[:, _PHASOR_NUMBERS]
@@ -377,13 +401,13 @@ class HoleSamples:
         return np.exp(level) * np.sqrt(squares_of_curves), weights
 
     def _values_at_setup(self, trials: Sequence[Trial]) -> Array:
-        """Return values [arcsec] over the level of F'_ior at their torques, shape (trials,)."""
+        """Return values [arcsec] relative to the level of F'_ior at their torques, shape (trials,)."""
         torque_levels = np.array([self.levels[self.setup.point(trial)[1]] for trial in trials])
         values = np.array([trial.F_ior_arcsec for trial in trials])
         return np.asarray(values / torque_levels)
 
     def _log_covariances(self, trials: Sequence[Trial], kinds: Sequence[ErrorKind]) -> Array:
-        """Return the covariances of the logarithms of values by kind of error, shape (kinds, trials, trials)."""
+        """Return the covariances of the logarithms of values for each kind of error, shape (kinds, trials, trials)."""
         points = [self.setup.point(trial) for trial in trials]
         measured = np.array([trial.F_ior_arcsec for trial in trials])
         torque_levels = np.array([self.levels[M_g] for _, M_g in points])
@@ -403,9 +427,12 @@ def _harmonics(angles: Array) -> Array:
 
 
 def _log_phasor_prior(numbers: Array) -> Array:
-    """Return the log density of p, q and r of equation (2), shape (numbers, 3), before any value, shape (numbers,).
+    """Return the prior log density of p, q and r of equation (2), shape (numbers,).
 
-    It is that of the level sqrt(p), of its derivative 1 / (2 p), and of the circle of area pi p^2; -inf outside of it.
+    It contains the density of the level sqrt(p), the derivative 1/(2 p) of its logarithm, and the area pi p^2 of the
+    circle. It is -inf outside the circle.
+
+    numbers: p, q and r, shape (numbers, 3).
     """
     constant = numbers[:, 0]
     is_inside = np.hypot(numbers[:, 1], numbers[:, 2]) < constant
@@ -417,15 +444,16 @@ def _log_phasor_prior(numbers: Array) -> Array:
 def _numbers_near(
     basis: Array, y: Array, covariances: Array, kinds: Sequence[ErrorKind], rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and weights against that.
+    """Return normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and their weights.
 
-    Weighed so, one over the likelihood, the numbers are normal as before any value. Arguments: covariances of the error
-    of each of the kinds, shape (kinds, values, values).
+    With the weights, which are one over the likelihood, the numbers have their prior normal distribution.
+
+    covariances: covariances of the error for each kind, shape (kinds, values, values).
     """
     log_shares = np.array([kind.log_share for kind in kinds])
 
     def log_shown(off: Array, covariances: Array) -> Array:
-        """Log density of each kind that it is off by so much, shape (kinds, rows)."""
+        """Return the log density of deviations for each kind of error, shape (kinds, rows)."""
         squares = ((off @ np.linalg.inv(covariances)) * off).sum(axis=2)
         return np.asarray(log_shares[:, None] - 0.5 * (squares + np.linalg.slogdet(covariances)[1][:, None]))
 
@@ -440,11 +468,17 @@ def _numbers_near(
 
 @dataclass(frozen=True, eq=False)
 class HolePosterior:
-    """Draws after measured values, all of the same weight.
+    """Equally weighted posterior draws, given the measured values.
 
-    samples that they are of; places among samples and directions of these; misfit, noise, over the stated one, and
-    scale, shape (draws,); rotations_deg, and F_ior_by_torque [arcsec] in them by M_g [N*m], shape (draws, rotations);
-    effective samples that they stand for; misread, probability of each value to be misread, shape (trials,).
+    samples: prior samples from which the draws were selected.
+    places: flat index of each draw into (samples, directions).
+    misfit: model misfit as a share of the mean F'_ior, shape (draws,).
+    noise: noise over the stated noise, shape (draws,).
+    scale: true F'_ior over computed F'_ior, shape (draws,).
+    rotations_deg: rotations at which F'_ior is given [deg].
+    F_ior_by_torque: F'_ior [arcsec] by torque M_g [N*m], shape (draws, rotations) each.
+    effective: effective sample size.
+    misread: probability that each value is misread, shape (trials,).
     """
 
     samples: HoleSamples
@@ -464,26 +498,31 @@ class HolePosterior:
 
     @cached_property
     def offset(self) -> tuple[Array, Array]:
-        """Size [um] and direction [deg] of the offset that stands with the fixed wheel, of those that are drives."""
+        """Size [um] and direction [deg] of the stationary eccentricity in the draws that are drives."""
         size, direction = (self.samples.values[p].ravel()[self.places] for p in standing_offset(self.samples.drive))
         return size[~np.isnan(size)], direction[~np.isnan(size)]
 
     @property
     def by_values(self) -> float:
-        """Probability that no drive of the preset shows the values: then these alone decide."""
+        """Probability that no drive of the preset shows the values, in which case the values alone decide."""
         return 1 - len(self.offset[0]) / len(self.places)
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:
-        """Direction of the standing offset and its standard deviation [deg]; None where it is open."""
+        """Direction of the stationary eccentricity and its standard deviation [deg]; None if it is unknown."""
         mean = np.exp(1j * np.radians(self.offset[1])).mean() if len(self.offset[1]) else 0j
-        length = min(float(abs(mean)), 1.0)  # rounding makes more of equal directions
+        length = min(float(abs(mean)), 1.0)  # rounding may give more than 1 for equal directions
         if not length or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > _OPEN:
             return None, None
         return float(np.degrees(np.angle(mean)) % 360), spread
 
     def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
-        """The decision among the rotations but the last one, which is 0, at torques [N*m]."""
+        """Return the decision among the rotations except the last one, which is 0.
+
+        torques: torques of the decision [N*m].
+        room_arcsec: limit minus self error at each torque [arcsec], None without a limit.
+        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        """
         F_ior_arcsec = np.array([self.F_ior_by_torque[M_g] for M_g in torques])
         ones = np.ones(len(self.places))
         holes = F_ior_arcsec[..., :-1]
@@ -501,10 +540,10 @@ class HolePosterior:
 
 @dataclass(frozen=True, eq=False)
 class _ErrorDraws:
-    """Kinds of error and samples, drawn together by their likelihood after values."""
+    """Kinds of error and samples, drawn jointly by their likelihood given the values."""
 
     kind: NDArray[np.int64]  # index of the kind of each draw, shape (draws,)
-    places: NDArray[np.int64]  # of the sample and direction of each draw, shape (draws,)
+    places: NDArray[np.int64]  # flat index of the sample and direction of each draw, shape (draws,)
     kind_weight: Array  # probability of each kind, shape (kinds,)
     effective: float  # effective sample size
 
@@ -512,16 +551,16 @@ class _ErrorDraws:
 def posterior_of(
     samples: HoleSamples, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Sequence[ErrorKind] = ()
 ) -> HolePosterior:
-    """Draw F'_ior in positions after values, of which there may be none: Trials 4 in docs/theory.md.
+    """Return posterior draws of F'_ior in positions, given any number of values: Trials 4 in docs/theory.md.
 
-    A kind of error and a sample are drawn by their likelihood together, then F'_ior given both by equation (1) of
+    A kind of error and a sample are drawn jointly by their likelihood. Given both, F'_ior is drawn by equation (1) of
     belief/evidence.py, at all torques of the samples.
 
     Args:
-        samples: of the drive.
-        trials: values.
+        samples: samples of the drive.
+        trials: measured values.
         rotations_deg: positions [deg].
-        kinds: of error that values may have, by default all.
+        kinds: possible kinds of error; all by default.
     """
     torques = tuple(samples.F_ior_by_torque)
     points = [samples.setup.point(trial) for trial in trials]
@@ -529,9 +568,10 @@ def posterior_of(
     stated = samples.noise(trials)
     kinds = kinds or error_kinds(len(trials), LOG_NOISES)
     drawn = _drawn_errors(samples, points, measured, stated, kinds)
-    misfit = np.array([error_kind.misfit for error_kind in kinds])[drawn.kind]  # (draws,)
-    noise = np.array([error_kind.noise for error_kind in kinds])[drawn.kind]  # (draws,)
-    spread = np.array([error_kind.spreads(stated, measured) for error_kind in kinds])[drawn.kind]  # (draws, trials)
+    misfit = np.array([error_kind.misfit for error_kind in kinds])[drawn.kind]  # shape (draws,)
+    noise = np.array([error_kind.noise for error_kind in kinds])[drawn.kind]  # shape (draws,)
+    # shape (draws, trials)
+    spread = np.array([error_kind.spreads(stated, measured) for error_kind in kinds])[drawn.kind]
     variance = (misfit**2 + samples.read_error**2) * samples.mean(drawn.places) ** 2
     hole_points = [(turn, M_g) for M_g in torques for turn in rotations_deg]
     all_points = [*hole_points, *points]
@@ -559,11 +599,11 @@ def _drawn_errors(
     """Draw kinds of error and samples by their likelihood, _POSTERIOR_DRAWS at even quantiles.
 
     Args:
-        samples: of the drive.
-        points: turn [deg] and torque [N*m] of each value.
+        samples: samples of the drive.
+        points: rotation [deg] and torque [N*m] of each value.
         measured: values [arcsec], shape (trials,).
         stated: standard deviation of their noise [arcsec], shape (trials,).
-        kinds: of error that values may have.
+        kinds: possible kinds of error.
     """
     possible = samples.possible
     log_likelihood = log_likelihoods(
@@ -575,7 +615,7 @@ def _drawn_errors(
         samples.mean(possible),
         samples.read_error,
     )
-    weight = softmax(np.log(samples.weight.ravel()[possible]) + log_likelihood)  # (kinds, places)
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + log_likelihood)  # shape (kinds, places)
     quantiles = (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS
     cell = np.minimum(np.searchsorted(np.cumsum(weight), quantiles), weight.size - 1)
     kind, row = np.divmod(cell, weight.shape[1])
@@ -590,11 +630,11 @@ def _drawn_errors(
 def _posterior_normals(
     samples: HoleSamples, points: Sequence[Point], spread_shape: tuple[int, ...]
 ) -> tuple[Array, Array, Array]:
-    """Draw normal numbers of draws: of their scale, of their misfit at points, and of the values' errors.
+    """Draw normal numbers for the scale, for the misfit at points, and for the errors of the values.
 
     Args:
-        samples: their torques and seed. The random numbers of the first torque are those of samples with one torque.
-        points: turns [deg] and torques [N*m].
+        samples: samples with torques and seed; the random numbers of the first torque do not depend on further torques.
+        points: rotations [deg] and torques [N*m].
         spread_shape: (draws, trials).
     """
     rng = np.random.default_rng(samples.seed)
@@ -611,7 +651,7 @@ def _posterior_normals(
 
 
 def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
-    """Torque of the samples [N*m] at which values of one torque are far more probable; None without one."""
+    """Return the torque of the samples [N*m] at which values of one torque are far more probable; None without one."""
     tried = [t.rotation_deg for t in trials]
     possible = samples.possible
     measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
@@ -640,18 +680,20 @@ def hole_samples(
     table: TableEffort = TableEffort(),
     run: Run = Run(),
 ) -> HoleSamples:
-    """Draw samples of the uncertain inputs of a drive, its standing offset among them, by the preset's evidence.
+    """Draw samples of the uncertain inputs of a drive, including its stationary eccentricity.
+
+    The preset's reference data weight the samples.
 
     Args:
         drive: the drive.
-        torques: [N*m], besides that of the setup.
-        setup: how holes are measured.
-        draws: effective sample size of the belief that they are worth.
-        table: of each system.
+        torques: torques in addition to that of the setup [N*m].
+        setup: conditions of the measurements.
+        draws: effective sample size to which the samples correspond.
+        table: effort for the table of each system.
         run: processes, progress and seed.
 
-    Raises UsageError for a drive with rolling balls or without an offset, UntrustedError if too few draws are drives
-    that agree with the evidence.
+    Raises UsageError for a drive with rolling balls or without an eccentricity, UntrustedError if too few draws are
+    valid drives that agree with the reference data.
     """
     if not searchable(drive):
         raise UsageError("trials need bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
@@ -661,18 +703,18 @@ def hole_samples(
     deviations = open_deviations(prior)
     systems = replace(prior, fields=tuple(field for field in prior.fields if field not in deviations))
     count = max(1, draws // SAMPLES_A_TABLE)
-    if not systems.fields:  # only deviations are unknown: as many samples from one finer table
+    if not systems.fields:  # if only deviations are unknown, one finer table gives all samples
         table = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count))
         count = 1
     other_torques = {*setup.others, *torques} - {setup.M_g}
-    all_torques = (setup.M_g, *sorted(other_torques))  # the random numbers of a torque depend on its place
+    all_torques = (setup.M_g, *sorted(other_torques))  # the random numbers of a torque depend on its index
     samples = _system_samples(drive, systems, count, run)
     solve = partial(_tabled, prior, believed, all_torques, table, run.seed)
     weights, tables = _solved_tables(samples, solve, run)
-    log_missed = np.concatenate([errors.log_missed for errors in tables], axis=1)  # (torques, compared)
-    F_ior = np.concatenate([errors.F_ior_arcsec for errors in tables], axis=1)  # (torques, samples, directions)
+    log_missed = np.concatenate([errors.log_missed for errors in tables], axis=1)  # shape (torques, compared)
+    F_ior = np.concatenate([errors.F_ior_arcsec for errors in tables], axis=1)  # shape (torques, samples, directions)
     weight = _sample_weights(drive, prior, believed is not None, weights, tables, F_ior)
-    F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]  # tables are corrected for their mean error
+    F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]  # correct the tables for their mean error
     offset_fields = standing_offset(drive)
     return HoleSamples(
         drive=drive,
@@ -689,10 +731,10 @@ def hole_samples(
 
 
 def _system_samples(drive: Drive, systems: DrivePrior, count: int, run: Run) -> Samples:
-    """Draw samples of the fields of the contact systems, all but deviations.
+    """Draw samples of the fields of the contact systems, which are all fields except deviations.
 
     Args:
-        drive: its evidence weighs the samples.
+        drive: drive whose reference data weight the samples.
         systems: prior of the fields.
         count: effective sample size.
         run: processes, progress and seed.
@@ -719,11 +761,11 @@ def _solved_tables(
     """Solve the errors of each system.
 
     Args:
-        samples: of the systems.
-        solve: returns the errors of a system by its number and values, None if it has none.
+        samples: samples of the systems.
+        solve: function that returns the errors of a system from its index and values, None without a result.
         run: processes and progress.
 
-    Returns the weights of the systems with a result, and their errors. Raises UntrustedError if none has one.
+    Returns the weights of the systems with a result, and their errors. Raises UntrustedError if no system has a result.
     """
     weights: list[float] = []
     tables: list[TabledErrors] = []
@@ -748,27 +790,28 @@ def _sample_weights(
     tables: Sequence[TabledErrors],
     F_ior: Array,
 ) -> Array:
-    """Return the weights of samples and directions, shape (samples, directions), not normalized.
+    """Return the weights of samples and directions, shape (samples, directions), which are not normalized.
 
     Args:
-        drive: its catalogue's accuracy weighs the samples.
-        prior: of the drive, with the standing offset open.
-        has_believed: some samples of a table have the offset that the preset states.
-        table_weights: of each table.
-        tables: their errors.
-        F_ior: of the samples [arcsec], shape (torques, samples, directions).
+        drive: drive whose catalogue accuracy weights the samples.
+        prior: prior of the drive with an open stationary eccentricity.
+        has_believed: whether some samples of a table have the eccentricity stated in the preset.
+        table_weights: weight of each table.
+        tables: errors of each table.
+        F_ior: F'_ior of the samples [arcsec], shape (torques, samples, directions).
     """
     draws_each = tables[0].F_ior_arcsec.shape[1]
     opened = len(tables[0].shares)
     weight = np.repeat(table_weights, draws_each)[:, None] * np.ones(F_ior.shape[1:])
     is_as_stated = np.tile(np.arange(draws_each) >= opened, len(tables))
-    # samples with a known direction of the offset count in that direction alone
+    # samples with a known direction of the eccentricity count in that direction only
     weight[is_as_stated if any_direction(prior) else slice(None), 1:] = 0
     if has_believed:
         for is_part, share in ((is_as_stated, _STATED_SHARE), (~is_as_stated, 1 - _STATED_SHARE)):
             weight[is_part] *= share / weight[is_part].sum()
     for evidence in evidence_of(drive):
-        # The accuracy is that without load, where F'_ior is largest: F'_ior at the torque of the trials meets it too.
+        # the accuracy applies without load, where F'_ior is largest, so F'_ior at the torque of the trials must meet it
+        # as well
         if evidence.figure == ACCURACY:
             tested = F_ior[0]
             if evidence.positions:
@@ -786,7 +829,11 @@ def _tabled(
     number: int,
     values: Mapping[str, float],
 ) -> TabledErrors | None:
-    """F'_ior of a system by its number, with values of its fields, and many deviations; None where it has none."""
+    """Return F'_ior of a system with many samples of the deviations, None without a result.
+
+    number: index of the system.
+    values: values of the fields of the system.
+    """
     try:
         return tabled_errors(
             error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number], believed
@@ -796,11 +843,11 @@ def _tabled(
 
 
 def open_prior(drive: Drive) -> DrivePrior:
-    """The prior of a drive, as `check` has it, with the offset that stands with the fixed wheel open.
+    """Return the prior of a drive as in `check`, but with an open stationary eccentricity.
 
-    That offset is anywhere up to WIDEST_SIZE times the preset's, in any direction, unless the preset gives an
-    uncertainty for it or does not know it; so is the one that turns with the cam. Raises UsageError where no
-    distribution is known of the size of the standing offset.
+    The eccentricity has any size up to _WIDEST_SIZE times that of the preset and any direction, unless the preset gives
+    an uncertainty for it or leaves it unknown. The same holds for the rotating eccentricity. Raises UsageError if no
+    distribution of the size of the stationary eccentricity is known.
     """
     belief = prior_of(drive)
     size, direction = standing_offset(drive)
