@@ -415,7 +415,8 @@ class DoctorCommand(o.PageOptions):
 
 def _packages() -> Iterator[DoctorFinding]:
     """Yield the versions of hdassist, Python and each required package."""
-    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of the imports for `-h`
+    # imported here, because at the top it would be a fifth of the import time of `hdassist --help`
+    from importlib.metadata import PackageNotFoundError, requires, version
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():

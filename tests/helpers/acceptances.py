@@ -1,4 +1,4 @@
-"""Answers about drives that tests have made, without a file of what was measured."""
+"""Acceptance results of drives that tests construct, without files of measurements."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ def accept(
     predictions: Predictions | None = None,
     **asked: Any,
 ) -> AcceptAnswer:
-    """The answer about a drive; asked: fields of the request."""
+    """Return the acceptance result of a drive.
+
+    drive: drive to accept.
+    measured: measurements by torque [N*m].
+    stated: values measured by other means, by limit.
+    wheels: measured teeth.
+    predictions: predictions of the model; None if they are computed when needed.
+    asked: fields of the request.
+    """
     request = Request(drive.name, **asked)
     inputs = Inputs(drive, dict(measured or {}), dict(stated or {}), wheels)
     left = () if request.measured_only else inputs.unmeasured
@@ -35,15 +43,15 @@ def accept(
 
 
 def tiny(*limits: str, **asked: Any) -> Drive:
-    """The tiny drive with limits; asked: fields of its request."""
+    """Return the tiny drive with limits; asked: fields of its request."""
     return Request(TINY, limits=limits, **asked).load()
 
 
 def small(*limits: str, **asked: Any) -> Drive:
-    """The small drive with limits; asked: fields of its request."""
+    """Return the small drive with limits; asked: fields of its request."""
     return Request(SMALL, limits=limits, **asked).load()
 
 
 def stated(number: float, uncertainty: float) -> AcceptedValue:
-    """A value measured otherwise, with its standard uncertainty, in the unit of its check."""
+    """Return a value measured by other means, with its standard uncertainty, in the unit of its check."""
     return AcceptedValue(number, 2 * uncertainty, "stated", "whole")

@@ -1,4 +1,4 @@
-"""Cards to test with: advices of every kind, without solving anything."""
+"""Choices of holes for tests of cards and pages, constructed without solving any mesh position."""
 
 from __future__ import annotations
 
@@ -30,7 +30,13 @@ TEETH = MeasuredTeeth(b=MeasuredWheel(PITCH, 33.0))
 
 
 def advice_of(*values: list[float], rotations: list[float] | None = None, overrides: tuple[str, ...] = (), **options):
-    """An advice on the small drive, with F'_ior given."""
+    """Return a choice of a hole for the small drive with given F'_ior.
+
+    values: F'_ior at each position [arcsec], one list per torque.
+    rotations: positions [deg]; None for evenly spaced positions.
+    overrides: fields of the preset in the form of --set.
+    options: torques [N*m], if they are not powers of 10.
+    """
     values = values or (LIGHT, HEAVY)
     torques = options.pop("torques", tuple(float(10**k) for k in range(len(values))))
     drive = load_preset(SMALL, [*overrides, f"operation.M_g={list(torques)}"])
@@ -46,7 +52,10 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
 
 
 def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
-    """The advice with 50 samples of its curve."""
+    """Return the choice with 50 samples of its curve.
+
+    spread: relative standard deviation of the samples.
+    """
     given = advice.decision
     noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, len(given.rotations_deg)))
     now = np.repeat(given.now_arcsec, 50, axis=1)
@@ -55,7 +64,7 @@ def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
 
 
 def cards() -> dict[str, Advice]:
-    """Advices whose cards use every text of the catalogue."""
+    """Return choices, by name, whose cards use every text of the catalogue of messages."""
     free = [float(k) for k in range(0, 360, 30)]
     fixed = "mounting.fixed=flexspline"
     many = [[v * (1 + k) for v in LIGHT] for k in range(14)]
@@ -83,7 +92,7 @@ def cards() -> dict[str, Advice]:
 
 
 def crowded(advice: Advice) -> Advice:
-    """The advice of a drive that says as much as one can."""
+    """Return the choice for a drive with a long name, long warnings and many overrides."""
     drive = advice.drive.model_copy(update={"name": "Long name of a drive " * 9})
     drive._origin = replace(
         advice.drive.origin, warnings=("a limit at a torque that is not in operation.M_g; " * 9,) * 6,
@@ -92,7 +101,7 @@ def crowded(advice: Advice) -> Advice:
     return replace(advice, drive=drive)
 
 
-TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more than a card has room for
+TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more values than a card has room for
 
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:

@@ -1,8 +1,8 @@
-"""JSON answers and their schemas, docs/schemas: every answer of the tests is held to that of its command.
+"""Schemas of JSON results in docs/schemas, against which every result of the tests is validated.
 
-`HDASSIST_RECORD=FOLDER python -m pytest` keeps the answers, `python -m tests.helpers.answers FOLDER` makes the schemas
-of them: a key that all answers have is required, a value has the types that it had. Keys may be added, so none is
-forbidden.
+`HDASSIST_RECORD=FOLDER python -m pytest` stores the results. `python -m tests.helpers.answers FOLDER` makes the schemas
+from them: a key that all results have is required, and a value has the types that occurred. Further keys are allowed,
+because results may get new keys.
 """
 
 from __future__ import annotations
@@ -21,14 +21,19 @@ from jsonschema import Draft202012Validator
 
 SCHEMAS = Path(__file__).parents[2] / "docs/schemas"
 RECORD = "HDASSIST_RECORD"
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a key; others are values: torques, fields, holes
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # name of a key; other keys are values such as torques, fields and holes
 TYPES = {bool: "boolean", int: "integer", float: "number", str: "string", dict: "object", list: "array"}
 KINDS = ((False, False), (True, False), (False, True), (True, True))  # whether an object has error, and results
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def hold(arguments: Sequence[str], stdout: str) -> None:
-    """Hold what a command printed to its schema, where it is an answer in JSON."""
+    """Validate the output of a command against its schema, or store it, if it is a single JSON result.
+
+    arguments: arguments of the command.
+    stdout: its standard output.
+    Raises AssertionError if the result does not match its schema.
+    """
     if "--json" not in arguments or not stdout.startswith("{") or "\n{" in stdout:
         return
     answer = json.loads(stdout)
@@ -44,7 +49,7 @@ def hold(arguments: Sequence[str], stdout: str) -> None:
 
 @cache
 def validator_of(name: str) -> Draft202012Validator:
-    """The schema of a name, such as hdassist.accept/2."""
+    """Return the validator of a schema; name: name of the schema, such as hdassist.accept/2."""
     return Draft202012Validator(json.loads((SCHEMAS / f"{_file(name)}.schema.json").read_text(encoding="utf-8")))
 
 
@@ -53,7 +58,7 @@ def _file(name: str) -> str:
 
 
 def inferred(values: Iterable[Any]) -> dict[str, Any]:
-    """The narrowest schema of some values in which keys may be added; an error is another answer than a result."""
+    """Return the narrowest schema of some values that allows further keys; errors and results have separate schemas."""
     values = list(values)
     kinds = {
         kind: [v for v in values if (isinstance(v, dict) and ("error" in v, "results" in v)) == kind] for kind in KINDS
@@ -76,7 +81,7 @@ def inferred(values: Iterable[Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write the schemas of the answers in a folder."""
+    """Write the schemas of the stored results in a folder."""
     answers: dict[str, list[Any]] = {}
     for file in sorted(Path(sys.argv[1]).glob("*.json")):
         answer = json.loads(file.read_text(encoding="utf-8"))

@@ -1,6 +1,6 @@
-"""Pages as a browser lays them out: printed on paper, and on a screen of a given width.
+"""Layout of pages by a browser: printed on paper, and on a screen of a given width.
 
-Needs Chromium, and pdftotext of poppler: `.ci/run pages` installs both.
+This needs Chromium and pdftotext of poppler; `.ci/run pages` installs both.
 """
 
 from __future__ import annotations
@@ -52,14 +52,18 @@ needs_browser = pytest.mark.browser
 
 @dataclass(frozen=True)
 class PrintedPage:
-    """A printed page: its size, and the words on it with the corners of their boxes, in points."""
+    """A printed page.
+
+    width, height: size of the page [points].
+    words: words with the left, top, right and bottom of their boxes [points].
+    """
 
     width: float
     height: float
     words: list[tuple[str, float, float, float, float]]
 
     def words_outside(self) -> list[str]:
-        """Words of which a part is not on the paper."""
+        """Return the words that extend beyond the paper."""
         return [
             word
             for word, left, top, right, bottom in self.words
@@ -69,18 +73,22 @@ class PrintedPage:
 
 @dataclass(frozen=True)
 class Screen:
-    """A page on a screen: the width that it takes, in px, and the texts that reach outside of the screen."""
+    """A page on a screen.
+
+    width: width of the page [px].
+    outside: texts that extend beyond the screen.
+    """
 
     width: int
     outside: list[str]
 
 
 def printed(text: str, folder: Path) -> list[PrintedPage]:
-    """The pages that Chromium prints of an HTML text.
+    """Return the pages of an HTML text as printed by Chromium.
 
     Args:
-        text: The HTML page.
-        folder: Takes the page, the PDF and the profile of the browser.
+        text: HTML page.
+        folder: folder for the page, the PDF and the profile of the browser.
     """
     page, paper, layout = folder / "page.html", folder / "page.pdf", folder / "page.xml"
     page.write_text(text, encoding="utf-8")
@@ -97,7 +105,14 @@ def printed(text: str, folder: Path) -> list[PrintedPage]:
 
 
 def on_screen(text: str, width_px: int, folder: Path) -> Screen:
-    """An HTML text in a window of a given width, which is a frame: windows of browsers are at least 500 px wide."""
+    """Return the layout of an HTML text on a screen of a given width.
+
+    The screen is a frame, because windows of browsers are at least 500 px wide.
+
+    text: HTML page.
+    width_px: width of the screen [px].
+    folder: folder for the page and the profile of the browser.
+    """
     frame = f'<iframe id="page" style="width:{width_px}px;height:900px;border:0" srcdoc="{html.escape(text)}"></iframe>'
     page = folder / "screen.html"
     page.write_text(
@@ -111,7 +126,7 @@ def on_screen(text: str, width_px: int, folder: Path) -> Screen:
 
 
 def _chromium(folder: Path, *arguments: str) -> str:
-    """Run the browser; return what it prints."""
+    """Run the browser, and return its standard output."""
     assert CHROMIUM, "there is no chromium: .ci/run pages installs it"
     command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *arguments]
     done = subprocess.run(command, check=True, capture_output=True, timeout=120)

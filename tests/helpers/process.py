@@ -1,7 +1,7 @@
-"""Run hdassist: in this process, as a process of its own, and on a pseudo-terminal of a given width.
+"""Run hdassist in this process, in a separate process, or on a pseudo-terminal of a given width.
 
-Most tests ask for an answer and an exit code: `run` calls the command in this process. Streams that are closed,
-signals, terminals, an environment or a hash seed are for true processes.
+Most tests need only the result and the exit code, so `run` calls the command in this process. Tests of closed streams,
+signals, terminals, the environment or the hash seed need a separate process.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ from hdassist.run.system import SPAWN, STOPS
 from tests.helpers import answers
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
-TINY = str(Path(__file__).parents[1] / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
-ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"  # of the small drive all else is given
+TINY = str(Path(__file__).parents[1] / "data/tiny.yaml")  # for tests that do not depend on numbers
+# override that makes this field the only uncertain input of the small drive
+ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3.75], ref: judged}"
 COMMAND = [sys.executable, "-m", "hdassist"]
-ROOT = str(Path(__file__).parents[2])  # the tree under test, from whatever folder it runs
+ROOT = str(Path(__file__).parents[2])  # the tree under test, for commands that run in other folders
 CLEAN = {
     "PATH": os.environ["PATH"],
     "LANG": "C.UTF-8",
@@ -43,25 +44,25 @@ CLEAN = {
     "PYTHONPATH": ROOT,
     "HDASSIST_STRICT": "1",
 }
-# the kernels numpy has here; the tests' own cache; how processes begin; without which nothing begins on Windows
+# settings of numpy's kernels, of the cache of the tests, of starting processes, and variables that Windows requires
 _PASSED_ON = ("OPENBLAS_", FOLDER, NO_CACHE, SPAWN)
 _OF_WINDOWS = ("SYSTEMROOT", "TEMP", "USERPROFILE", "LOCALAPPDATA", "APPDATA", "COMSPEC")
 CLEAN |= {name: text for name, text in os.environ.items() if name.startswith((*_PASSED_ON, *_OF_WINDOWS))}
-LONGEST = 240  # s of one process
-_get_command = cache(typer.main.get_command)  # half of the time of a command that reads little
+LONGEST = 240  # s; time limit of one process
+_get_command = cache(typer.main.get_command)  # takes half of the time of a command that reads little
 
 
 class InProcess(Executor):
-    """Stands where processes share the work of a command, and does each task at once, pickled as a process gets it."""
+    """Executor that replaces worker processes; it runs each task at once, pickled as for a process."""
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
-        """Take the number of processes."""
+        """Accept the number of processes, which is not used."""
 
     def begin(self) -> None:
-        """Begin no processes."""
+        """Do nothing, as there are no processes to start."""
 
     def end(self) -> None:
-        """End none."""
+        """Do nothing, as there are no processes to stop."""
 
     kill = end
 
@@ -77,31 +78,36 @@ class InProcess(Executor):
 
 @contextlib.contextmanager
 def no_processes() -> Iterator[None]:
-    """Do in this process what would be shared among others: beginning these takes longer than the tiny drive."""
+    """Run tasks for worker processes in this process, because starting workers takes longer than the tiny drive."""
     with mock.patch("hdassist.run.run.Processes", InProcess):
         yield
 
 
 def keep_answers(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep answers in a folder, for this process and for commands; elsewhere in the tests they are computed anew."""
+    """Cache results in a folder, for this process and for commands; other tests compute their results anew."""
     for variables in (os.environ, CLEAN):
         monkeypatch.setitem(variables, FOLDER, str(folder))
         monkeypatch.delitem(variables, NO_CACHE)
 
 
 def in_a_line(page: str) -> str:
-    """A page in a line, as are its commands, whose lines end as a shell goes on with the next one."""
+    """Return a page as one line; commands that continue on the next line with a backslash are joined."""
     return " ".join(page.replace(" \\\n", "\n").split())
 
 
 def run(
     *args: str, stdin: str | None = None, cwd: Path | None = None, shares: bool = False, held: bool = True
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command in this process, with arguments, streams, folder and environment of its own.
+    """Run a command in this process with its own arguments, streams, folder and environment.
 
-    It is main() that runs, as in a process: typer's CliRunner would call the app below it, and miss the messages and
-    exit codes that main() makes of errors. shares: whether it begins the processes that it shares its work with;
-    held: whether an answer in JSON is held to its schema, which was made of answers to inputs that are not random.
+    It calls run_command_line, as a process does. The CliRunner of typer would call the app below it, and miss the
+    messages and exit codes that are made from errors.
+
+    args: arguments of the command.
+    stdin: text of standard input, None if it is empty.
+    cwd: working folder, None for the present one.
+    shares: whether the command starts worker processes.
+    held: whether a JSON result is validated against its schema; schemas were made from results of fixed inputs.
     """
     given = io.TextIOWrapper(io.BytesIO((stdin or "").encode()), encoding="utf-8")
     out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="")
@@ -124,10 +130,11 @@ def run(
 
 
 def hear_what_is_ignored() -> None:
-    """Have children hear stops where the tests were begun with these ignored (nohup, in the background).
+    """Let child processes receive stop signals even if the tests were started with these signals ignored.
 
-    A handler that does nothing: unlike what is ignored it is not inherited. Where SIGCHLD is ignored the system waits
-    for children, and their exit codes are lost.
+    The tests ignore them if they run with nohup or in the background. A handler that does nothing replaces the ignored
+    signal, because children inherit an ignored signal, but not a handler. An ignored SIGCHLD would make the system reap
+    children, so their exit codes would be lost.
     """
     if os.name == "posix":
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -137,7 +144,7 @@ def hear_what_is_ignored() -> None:
 
 
 def ends(pid: int) -> bool:
-    """Whether a process that was begun by another one ends soon, or has ended; needs /proc."""
+    """Return whether a process started by another process has ended or ends within 5 s; needs /proc."""
     until = time.monotonic() + 5
     while time.monotonic() < until:
         try:
@@ -150,12 +157,12 @@ def ends(pid: int) -> bool:
 
 
 def posix_only(reason: str) -> pytest.MarkDecorator:
-    """Mark a test, or a module of tests, that needs POSIX; reason: the part of it that the test needs."""
+    """Return the mark for a test or a module that needs POSIX; reason: part of POSIX that it needs."""
     return pytest.mark.skipif(os.name != "posix", reason=f"POSIX only: {reason}")
 
 
 def _told(stream: io.TextIOWrapper) -> str:
-    """All that a stream was given, to the last carriage return."""
+    """Return the complete text written to a stream, including carriage returns."""
     stream.seek(0)
     return stream.read()
 
@@ -163,7 +170,7 @@ def _told(stream: io.TextIOWrapper) -> str:
 def run_cold(
     *args: str, env: Mapping[str, str] | None = None, stdin: str | None = None, cwd: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command with pipes on all streams, in a process that Python starts from nothing."""
+    """Run a command with pipes on all streams, in a new Python process."""
     return subprocess.run(
         [*COMMAND, *args], input=stdin or "", capture_output=True, text=True, encoding="utf-8",
         env=CLEAN | dict(env or {}), cwd=cwd, check=False, timeout=LONGEST,
@@ -171,7 +178,7 @@ def run_cold(
 
 
 def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
-    """Run a command in a process, and interrupt it when its own processes have worked for so long [s]."""
+    """Run a command in a process, and interrupt it; after: processor time of its worker processes until then [s]."""
     process = subprocess.Popen(
         [*COMMAND, *args], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=CLEAN, text=True, encoding="utf-8",
     )  # fmt: skip
@@ -184,19 +191,22 @@ def interrupted(*args: str, after: float) -> subprocess.CompletedProcess[str]:
 
 
 def _worked(pid: int, elapsed: float) -> float:
-    """Processor time [s] of the processes that a process has begun; without /proc a guess from the time elapsed."""
+    """Return the processor time of the processes that a process has started [s].
+
+    Without /proc, it is estimated from the elapsed time [s].
+    """
     if not Path(f"/proc/{pid}/task/{pid}/children").exists():
         return elapsed - 2
     try:
         stats = [Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split() for child in begun_by(pid)]
-    except OSError:  # one of them has just ended
+    except OSError:  # one of the processes has just ended
         return 0.0
     return sum(int(stat[k]) for stat in stats for k in (11, 12)) / os.sysconf("SC_CLK_TCK")
 
 
 def begun_by(pid: int) -> list[int]:
-    """Processes that a process has begun, and those that these have."""
-    lists = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children")]  # of each of its threads
+    """Return the descendants of a process."""
+    lists = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children")]  # one text per thread
     children = [int(child) for text in lists for child in text.split()]
     return [*children, *(each for child in children for each in begun_by(child))]
 
@@ -204,7 +214,13 @@ def begun_by(pid: int) -> list[int]:
 def on_terminal(
     *args: str, columns: int, env: Mapping[str, str] | None = None, interrupt_at: bytes | None = None
 ) -> tuple[int, str]:
-    """Exit code, and all that a terminal of so many columns is sent; Ctrl-C is pressed once it was sent such bytes."""
+    """Run a command on a terminal, and return its exit code and the complete text sent to the terminal.
+
+    args: arguments of the command.
+    columns: width of the terminal.
+    env: further variables of the environment.
+    interrupt_at: bytes after whose output the command is interrupted as by Ctrl-C, None for no interruption.
+    """
     pytest.importorskip("pty", reason="needs pseudo-terminals, which Windows has not")
     import fcntl
     import pty

@@ -1,4 +1,4 @@
-"""What many tests need: changed drives, and single states solved and proven."""
+"""Helpers of many tests: changed drives, and single mesh positions that are solved and verified."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.walk import walk_library
 
 PROVEN = (
-    1e-6  # arcsec between two solutions of a state: residuals up to TOLERANCE = 1e-8 of a wind-up of some 100 arcsec
+    1e-6  # arcsec; two solutions of a state differ by residuals up to TOLERANCE = 1e-8 of a wind-up of some 100 arcsec
 )
 
 COMPILER = shutil.which(os.environ.get("CC", "cc"))
 HAS_COMPILER = COMPILER and subprocess.run([COMPILER, "--version"], capture_output=True, check=False).returncode == 0
-HAS_WALK = HAS_COMPILER or walk_library()[0] is not None  # of a wheel; where there is a compiler it may not be missing
+HAS_WALK = HAS_COMPILER or walk_library()[0] is not None  # a wheel may contain it; with a compiler it must exist
 
 
 def changed(drive: Drive, **fields: Any) -> Drive:
-    """The drive with some fields changed, named section__field."""
+    """Return the drive with some fields changed; fields: new values, named section__field."""
     parts: dict[str, dict[str, Any]] = {}
     for path, value in fields.items():
         section, name = path.split("__")
@@ -38,27 +38,35 @@ def changed(drive: Drive, **fields: Any) -> Drive:
 
 
 def delta_p_of(drive: Drive, system: ContactSystem, states: States, teeth: ToothDeviations | None = None) -> Array:
-    """Gaps without force [mm] of states, shape (states, M)."""
+    """Return the unloaded gaps of states [mm], shape (states, M)."""
     return system.delta_p_of(state_gaps(drive, system, states, teeth))
 
 
 def compliance(system: ContactSystem) -> Array:
-    """Compliance [mm/N] between candidates, shape (M, M)."""
+    """Return the compliance between contact candidates [mm/N], shape (M, M)."""
     return system.compliance[np.ix_(system.place, system.place)] + np.diag(system.local)
 
 
 def rounding(terms: int, size: float = 1.0) -> float:
-    """Most by which two orders of adding terms differ whose sizes add up to size: n - 1 additions each way."""
+    """Return the largest difference between two sums of the same terms in different order.
+
+    terms: number n of terms, so each sum has n - 1 additions.
+    size: sum of the absolute values of the terms.
+    """
     return 2 * terms * float(np.finfo(float).eps) * size
 
 
 def load_case(formulation: Formulation, torque: float, like: LoadCase | None = None, **options: Any) -> LoadCase:
-    """Load case at a torque in N*mm."""
+    """Return the load case at a torque [N*mm]; like: load case whose contact set is the start."""
     return LoadCase(formulation, torque / N_MM, like=like, **options)
 
 
 def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[Array, Array, float]:
-    """Forces [N], displacements [mm, rad] and rotation [arcsec] of one state; torque in N*mm."""
+    """Return the forces [N], displacements [mm, rad] and rotation [arcsec] of one state, and verify the residuals.
+
+    torque: torque [N*mm].
+    delta_p: unloaded gaps [mm], shape (M,).
+    """
     forces, free, _ = load_case(formulate(system), torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     rotation = float(free[0, system.free_rotation]) * ARCSEC
@@ -66,26 +74,37 @@ def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[A
 
 
 def rotation(system: ContactSystem, torque: float, scalars: Array | None = None) -> float:
-    """Rotation [arcsec] of one state with deviation scalars (a, b, e_x, e_y) [mm]."""
+    """Return the rotation of one state [arcsec].
+
+    torque: torque [N*mm].
+    scalars: deviations (a, b, e_x, e_y) [mm], None for no deviations.
+    """
     scalars = np.zeros(4) if scalars is None else scalars
     return solve_state(system, torque, system.delta_p + system.deviation_map[:, :4] @ scalars)[2]
 
 
 def wind_up(drive: Drive, M_g: float = 80.0, tau: float = 0.0, beta: float | None = None) -> float:
-    """Rotation [arcsec] of a drive without deviations at a torque [N*m]."""
+    """Return the rotation of a drive without deviations [arcsec].
+
+    M_g: torque [N*m].
+    tau: tooth phase [tooth pitches].
+    beta: ball phase [ball pitches], None for that of the preset.
+    """
     return rotation(contact_system(drive, tau, beta), M_g * 1e3)
 
 
 def first_harmonic(F_i: float, xi: float, z: int) -> Array:
-    """Deviation of each tooth along +theta [unit of F_i] of a first harmonic, shape (z,).
+    """Return the deviation of each tooth along +theta by a first harmonic [unit of F_i], shape (z,).
 
-    Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
+    F_i: peak-to-peak value.
+    xi: phase [rad].
+    z: number of teeth, numbered as in ToothDeviations.
     """
     return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))
 
 
 def fresh_preset(name: str) -> str:
-    """Text of a preset as `hdassist presets new NAME` writes it."""
+    """Return the text of a preset as written by `hdassist presets new NAME`."""
     from hdassist.loading import load_preset, similar_preset
 
     return similar_preset(name, load_preset("vzp160"), {})
