@@ -1,8 +1,8 @@
-"""Speed and memory of what users wait for, in one run: `python -m benchmarks [--quick] [--json FILE] [--write]`.
+"""Speed and memory of the commands that users wait for: `python -m benchmarks [--quick] [--json FILE] [--write]`.
 
-Prints every target with what was measured. --write makes docs/performance.md of it, with the run before beside it
-(--first FILE); --from takes the numbers of an earlier run instead of measuring, but for parts that are measured anew
-(--anew engine --anew proposals).
+A run prints every target with the measured value. --write writes docs/performance.md, which shows the previous run for
+comparison (--first FILE). --from reads the numbers of an earlier run instead of measuring; only the parts that --anew
+names are measured again (--anew engine --anew proposals).
 """
 
 from __future__ import annotations
@@ -23,12 +23,16 @@ from benchmarks.rows import rows
 FORMAT = "hdassist.benchmarks/5"
 
 
-# a child starts with its parent's memory on its account: nothing heavy is imported before processes are measured
+# the memory of a parent counts for its child too, so nothing heavy is imported before processes are measured
 PARTS = ("processes", "engine", "growth", "coned", "proposals", "draws", "tolerance", "explorer")
 
 
 def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:
-    """Parts of what there is to measure, one after another so that none disturbs another."""
+    """Measure parts one after another, so that they do not disturb each other, and return the results.
+
+    quick: whether to measure fewer runs and cases.
+    parts: names of the parts.
+    """
     measured: dict[str, Any] = {"schema": FORMAT, "quick": quick, "machine": machine.machine()}
     for name in parts:
         begun = time.monotonic()
@@ -38,13 +42,13 @@ def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:
 
 
 def joined(earlier: dict[str, Any], later: dict[str, Any]) -> dict[str, Any]:
-    """An earlier run with parts that were measured anew, and the load of the machine then."""
+    """Return an earlier run with the parts of a later one, and the load of the machine during the later run."""
     anew = {name: later["machine"]["load"] for name in PARTS if name in later}
     return earlier | later | {"machine": earlier["machine"], "anew": earlier.get("anew", {}) | anew}
 
 
 def table(measured: dict[str, Any]) -> str:
-    """Targets and measurements for a terminal."""
+    """Return the table of targets and measurements for a terminal."""
     lines = ["  ".join(f"{name} {value}" for name, value in measured["machine"].items()), ""]
     cells = [(row.work, row.asked, row.got, "" if row.met else "missed") for row in rows(measured)]
     widths = [max(len(row[k]) for row in cells) for k in range(3)]
@@ -54,7 +58,7 @@ def table(measured: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Measure, print a table, and write JSON and the page where asked."""
+    """Measure, print a table, and write JSON and the page if requested."""
     reader = argparse.ArgumentParser(
         prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -67,7 +71,7 @@ def main() -> None:
     options = reader.parse_args()
     if options.write and options.quick:
         reader.error("the page is not made from a quick run")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it; numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # same setting as the command line, before numpy is loaded
 
     def run_of(file: str) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(Path(file).read_text(encoding="utf-8"))

@@ -1,6 +1,6 @@
-"""Drawings of a drive and of the bench, for README and docs: `python -m benchmarks.bench_pictures`.
+"""Drawings of a drive and of a test rig for README and docs: `python -m benchmarks.bench_pictures`.
 
-They are light or dark as the screen is.
+Their colours follow the light or dark scheme of the screen.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ Point = tuple[float, float]
 
 
 def at(centre: Point, angle_deg: float, distance: float) -> Point:
-    """A place on a drawing by its direction: counter-clockwise from the right, y downwards."""
+    """Return the point of a drawing at an angle (counter-clockwise from the right) and a distance from a centre.
+
+    The y axis of a drawing points downwards.
+    """
     return centre[0] + distance * cos(radians(angle_deg)), centre[1] - distance * sin(radians(angle_deg))
 
 
@@ -47,7 +50,7 @@ def box(left: float, top: float, width: float, height: float, kind: str = "body"
 
 
 def head(tip: Point, direction_deg: float, kind: str, size: float = 11) -> str:
-    """An arrow's head."""
+    """Return the head of an arrow."""
     corners = [tip, *(at(tip, direction_deg + side, size) for side in (155, -155))]
     return f'<polygon class="{kind}" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in corners)}"/>'
 
@@ -58,7 +61,7 @@ def arrow(start: Point, angle_deg: float, length: float, line: str, end: str) ->
 
 
 def turn(centre: Point, radius: float, first: float, last: float) -> Iterator[str]:
-    """An arrow around a centre from one direction to another: counter-clockwise where the last is the greater."""
+    """Yield an arrow around a centre from the first to the last angle, counter-clockwise if the last is larger."""
     sense = 1 if last > first else -1
     (x, y), (u, v) = at(centre, first, radius), at(centre, last - 3 * sense, radius)
     wide = int(abs(last - first) > 180)
@@ -67,9 +70,16 @@ def turn(centre: Point, radius: float, first: float, last: float) -> Iterator[st
 
 
 def wavy(centre: Point, radius: float, wave: float, teeth: int, depth: float, kind: str) -> str:
-    """A closed line of teeth around a centre, radius + wave cos 2t, the wave greatest above and below.
+    """Return a closed line of teeth around a centre, with the radius largest above and below.
 
-    A tooth stands outward above, a space where the teeth stand inward (a negative depth).
+    At the top is a tooth if teeth point outwards, and a space if they point inwards (negative depth).
+
+    centre: centre of the line.
+    radius: mean radius.
+    wave: amplitude of the change of the radius, which has two periods around the centre.
+    teeth: number of teeth.
+    depth: height of a tooth, negative if teeth point inwards.
+    kind: class of the line.
     """
     points = []
     for k in range(4 * teeth):
@@ -119,14 +129,14 @@ def drive() -> Iterator[str]:
 
 
 def cam_side() -> Iterator[str]:
-    """Yield a section along the axis with the viewer, and one rotation seen from both sides."""
+    """Yield a section along the axis with the viewer, and the same rotation seen from both sides."""
     axis = 165.0
-    for up in (-1, 1):  # both halves of the section
+    for up in (-1, 1):  # upper and lower half of the section
         yield box(150, axis + up * 90 - 16, 46, 32)  # circular spline
         yield path("line", (152, axis + up * 70), (330, axis + up * 66), (330, axis + up * 14))  # flexspline
         yield path("line", (152, axis + up * 63), (322, axis + up * 59), (322, axis + up * 14))
         yield box(156, axis + up * 52 - 8, 34, 16, "hole")  # flexible bearing
-    yield box(156, axis - 44, 34, 88)  # cam
+    yield box(156, axis - 44, 34, 88)  # wave generator
     yield box(96, axis - 10, 60, 20)
     yield box(322, axis - 14, 68, 28)
     yield path("axis", (70, axis), (405, axis))
@@ -152,7 +162,7 @@ def cam_side() -> Iterator[str]:
 
 
 def seat(centre: Point, turned: int) -> Iterator[str]:
-    """The seat with its holes numbered, and the wheel in it with its marked screw hole at one of them."""
+    """Yield the seat with numbered holes, and the wheel in it; turned: hole at its marked screw hole."""
     yield circle(centre, 118, "body") + circle(centre, 92, "hole")
     for hole in range(HOLES):
         angle = 360 * hole / HOLES
@@ -166,7 +176,7 @@ def seat(centre: Point, turned: int) -> Iterator[str]:
 
 
 def holes() -> Iterator[str]:
-    """Hole 0, and what "hole 4" means."""
+    """Yield the wheel in hole 0 and in hole 4."""
     for left, hole, title, below in (
         (180, 0, "hole 0: where the wheel is now", "numbers on the housing, a paint dot on the wheel"),
         (540, 4, "hole 4: four holes counter-clockwise", "both seen from the wave generator side"),
@@ -205,7 +215,7 @@ def marks() -> Iterator[str]:
 
 
 def rig() -> Iterator[str]:
-    """What a rig needs, in a row along the axis."""
+    """Yield the parts of a test rig in a row along the axis."""
     axis = 110.0
     yield path("line", (60, axis), (640, axis))
     parts = (
@@ -231,7 +241,7 @@ DRAWINGS = {
 
 
 def drawn(name: str) -> str:
-    """A drawing as SVG."""
+    """Return a drawing as SVG; name: key of DRAWINGS."""
     draw, width, height, title = DRAWINGS[name]
     dark = "@media (prefers-color-scheme: dark) {" + RULES.format(**DARK) + "}"
     parts = [

@@ -1,8 +1,8 @@
-"""Presets of published sizes, made as `hdassist presets new` makes them: `python -m benchmarks.catalogue [--check]`.
+"""Presets of published sizes, made as by `hdassist presets new`: `python -m benchmarks.catalogue [--check]`.
 
-Writes presets/size-*.yaml and presets/mvz-*.yaml, their targets in docs/targets/, and the table of docs/theory.md:
-what hdassist says of the stiffness of each beside what its catalogue says; --no-table leaves that out. --check says
-what differs, but for the table.
+It writes presets/size-*.yaml and presets/mvz-*.yaml, their targets in docs/targets/, and the table of docs/theory.md,
+which compares the computed stiffness of each size with its catalogue; --no-table omits the table. --check only names
+the files that differ, without the table.
 """
 
 from __future__ import annotations
@@ -42,9 +42,15 @@ COUPLING = (
 
 @dataclass(frozen=True)
 class Published:
-    """A size of a catalogue, ratio 100.
+    """A catalogue size of ratio 100.
 
-    K1, K2, K3 [1e4 N*m/rad] with where they come from; T1, T2 [N*m]; rated torque [N*m]; accuracy [arcmin].
+    size: number of the size.
+    K: K1, K2 and K3 [1e4 N*m/rad].
+    T: T1 and T2 [N*m].
+    rated: rated torque [N*m].
+    accuracy: accuracy [arcmin].
+    source: source of K1 to K3.
+    holes: number of bolt holes, its origin and its source; None if it is unknown.
     """
 
     size: int
@@ -57,12 +63,12 @@ class Published:
 
     @property
     def name(self) -> str:
-        """Name of its preset."""
+        """The name of the preset."""
         return f"size-{self.size}-100"
 
     @property
     def figures(self) -> dict[str, SimilarValue]:
-        """Its figures as fields of its preset."""
+        """The catalogue values as fields of the preset."""
         accuracy = f"{self.accuracy:g} arcmin over a turn; not re-read, names no load"
         return {
             **{f"catalogue.K_{k}": SimilarValue(K * 1e4, "given", self.source) for k, K in enumerate(self.K, 1)},
@@ -84,13 +90,13 @@ SIZES = (
     Published(58, (40, 61, 71), (168, 598), 696, 1, READ),
     Published(65, (54, 88, 98), (235, 843), 951, 1, READ),
 )
-# Motor gear units MVz: their number is the inner diameter of the flexspline; no ratio, no stiffness is printed
+# The number of a motor gear unit MVz is the inner diameter of its flexspline. Neither ratio nor stiffness is published.
 MVZ = {"mvz-80": (80.0, 100.0), "mvz-160": (160.0, 900.0)}
 MVZ_SOURCE = "proizwodim.ru/motor-reduktory_volnovye, table of MVz-80 and MVz-160 (TU U 29.1-24587406.003-2003)"
 
 
 def presets() -> Iterator[tuple[str, str]]:
-    """Name and text of each preset."""
+    """Yield the name and the text of each preset."""
     like = load_preset("vzp160")
     for each in SIZES:
         d = round(MM_A_SIZE * each.size, 2)
@@ -125,7 +131,7 @@ def presets() -> Iterator[tuple[str, str]]:
 
 
 def targets() -> Iterator[tuple[str, str]]:
-    """Name and text of the targets of each size."""
+    """Yield the name of each size and the text of its targets file."""
     texts = dict(presets())
     for each in SIZES:
         drive = load_text(texts[each.name], each.name)
@@ -155,13 +161,16 @@ def _bounds(drive: Drive, path: str) -> tuple[float, float]:
 
 
 def files() -> dict[Path, str]:
-    """Every file but the page, and its text."""
+    """Return the text of every file except the page, by path."""
     made = {ROOT / f"presets/{name}.yaml": text for name, text in presets()}
     return made | {ROOT / f"docs/targets/{name}.targets.yaml": text for name, text in targets()}
 
 
 def table() -> str:
-    """K1, K2, K3 of each size beside its catalogue's, as the preset stands and with a bearing without clearance."""
+    """Return the table that compares K1, K2 and K3 of each size with its catalogue.
+
+    They are computed for the preset itself, and for a bearing without clearance.
+    """
     lines = [
         "| preset | catalogue K1, K2, K3 | hdassist | ratio | lost motion "
         "| ratio without clearance of the bearing | lost motion | source of the catalogue values |",
@@ -186,12 +195,12 @@ def table() -> str:
 
 
 def _stiffnesses(curve: Stiffness) -> list[float]:
-    """K1, K2, K3 [1e4 N*m/rad]."""
+    """Return K1, K2 and K3 [1e4 N*m/rad]."""
     return [segment.stiffness / 1e4 for segment in curve.positive]
 
 
 def main() -> int:
-    """Write everything, or say what differs."""
+    """Write all files, or name the files that differ; return the exit code."""
     if "--check" in sys.argv:
         different = [path for path, text in files().items() if not path.exists() or path.read_text("utf-8") != text]
         sys.stderr.writelines(f"{path.relative_to(ROOT)} is not what presets new makes\n" for path in different)

@@ -1,9 +1,10 @@
-"""Hidden deviations in simulated rigs of the small drive: how often, and how well, `compare` finds them.
+"""How often and how accurately `compare` finds hidden deviations of the small drive on simulated test rigs.
 
     python -m benchmarks.compare_rigs FIRST LAST
 
-One line a rig: the record's turns, whether the start was given, the conclusion, the hidden deviation, and the error of
-its size and direction beside their standard uncertainties. Every third rig hides nothing.
+Each rig gives one line: input revolutions of the recording, whether the start was given, the conclusion, the hidden
+deviation, and the errors of its size and direction with their standard uncertainties. Every third rig has no hidden
+deviation.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from tests.helpers.rigs import recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
 TURNS = (30, 12, 8, 4)
-NOISE = 0.5  # arcsec, white, or with a memory of five steps in every fifth rig
+NOISE = 0.5  # arcsec; white, or in every fifth rig correlated over five readings
 M_G = 4.0
 SIZES = [vector.size for vector in VECTORS]
 

@@ -1,12 +1,13 @@
-"""Corrections from records held to account on hidden drives: `python -m benchmarks.compensate`.
+"""Test of corrections from recordings on hidden drives: `python -m benchmarks.compensate`.
 
-Each hidden drive is one of `benchmarks.honesty`, of a small ratio that is soon computed: other stiffnesses, wave,
-supports, clearances, flanks and temperature, and teeth with harmonics of every order and noise. Its full cycle at the
-first torque is recorded with noise; lines are before the record as large as in draws of the preset's prior, whatever
-its data sheet says. The correction made of that is held against its solved cycle: whether what was promised (95 %)
-holds, whether the drive is worse with it than without, and what the mean over the cam's turns of the same record, a
-table of a cam turn, leaves. --allowed: the hidden drive is one that the preset allows, which a record of part of the
-cycle (--span 0.4) can be fitted by.
+Each hidden drive is one of `benchmarks.honesty` with a small ratio, which is computed quickly. It has other
+stiffnesses, wave, supports, clearances, flanks and temperature than the preset, and teeth with harmonics of every order
+and noise. Its full cycle at the first torque is recorded with noise. Before the recording, spectral lines are assumed
+as large as in samples of the prior, without the data sheet. The correction from the recording is compared with the
+solved cycle: whether the residual is at most the predicted one (95 %), whether the drive is worse with the correction
+than without, and which residual a plain table over one input revolution leaves, the mean over the revolutions of the
+same recording. With --allowed, the hidden drive is one that the preset allows, so a recording of a part of the cycle
+(--span 0.4) can be fitted by the preset.
 """
 
 from __future__ import annotations
@@ -19,16 +20,20 @@ from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array
 
-NOISE_ARCSEC = 0.5  # of a reading
+NOISE_ARCSEC = 0.5  # standard deviation of a reading
 RATIOS = (30, 40, 50)
-POINTS = 1500  # of the table over the output turn
+POINTS = 1500  # points of the table over one output revolution
 
 
 @dataclass(frozen=True)
 class CorrectedDrive:
-    """A hidden drive: ranges [arcsec] without a correction, left by it, promised at most, and left by the plain table.
+    """Ranges of the error of a hidden drive with and without a correction [arcsec].
 
-    refused: why there is no correction.
+    uncorrected: range without a correction.
+    left: residual range with the correction.
+    promised: 95th percentile of the predicted residual range.
+    plain: residual range with the plain table over one input revolution.
+    refused: reason why there is no correction, empty if there is one.
     """
 
     uncorrected: float = np.nan
@@ -39,7 +44,14 @@ class CorrectedDrive:
 
 
 def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = False) -> dict[str, CorrectedDrive]:
-    """What corrections of a hidden drive leave, by form."""
+    """Return the residuals of a hidden drive with each form of correction.
+
+    number: number of the drive.
+    draws: number of samples of the prior.
+    seed: seed of all drives.
+    span: recorded part of the cycle.
+    allowed: whether the preset allows the drive.
+    """
     from benchmarks.honesty import hidden_drive
     from hdassist.belief.prior import prior_of
     from hdassist.comparing.record import Alignment
@@ -92,7 +104,13 @@ def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = F
 
 
 def plain_left(turns: Array, actual: Array, rows: NDArray[np.int64], read: Array) -> float:
-    """Range [arcsec] that the mean of a record over the cam's turns leaves."""
+    """Return the residual range with a table over one input revolution, the mean over its revolutions [arcsec].
+
+    turns: input angles of the solved cycle [rev].
+    actual: error of the solved cycle [arcsec].
+    rows: index of each reading in the cycle.
+    read: recorded errors [arcsec].
+    """
     place = np.floor(np.mod(turns, 1) * 200).astype(int) % 200
     seen = place[rows % len(place)]
     means = np.bincount(seen, read, 200) / np.maximum(np.bincount(seen, minlength=200), 1)
@@ -100,7 +118,7 @@ def plain_left(turns: Array, actual: Array, rows: NDArray[np.int64], read: Array
 
 
 def main() -> None:
-    """Correct drives, and print how often a promise held."""
+    """Correct drives, and print how often the residual was at most the predicted one."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=20, help="hidden drives")
     parser.add_argument("--draws", type=int, default=8, help="draws of the prior")

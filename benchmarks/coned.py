@@ -1,4 +1,4 @@
-"""What one state costs with coned flanks, against flanks that bear as a whole."""
+"""Processor time of one state with coned flanks, compared with whole flanks."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ STATIONS = (1, 3, 4, 5)
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """Microseconds of processor time a state of vzp160 over the full cycle, set-up and certificate included.
+    """Return the processor time per state of vzp160 over the full cycle [us], set-up and certificate included.
 
-    Numbers of stations take turns, so that what else the machine does falls on all of them.
+    The numbers of stations alternate, so that other load of the machine affects all of them equally.
     """
     drives = {n: load_preset("vzp160", [f"numerics.stations={n}"]) for n in STATIONS}
     found = []

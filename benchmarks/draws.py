@@ -1,7 +1,8 @@
-"""What the search of draws misses of a fine grid, over draws, holes and torques: `python -m benchmarks.draws`.
+"""Error of the search for extremes of samples, compared with a fine grid: `python -m benchmarks.draws`.
 
-Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found from a coarse
-grid of states with slopes, as draws are, and from one of 60 x 60 (hdassist/error/extremes.py).
+Samples of a preset are made as by check, each with its wheel in twelve holes at the torques of the preset. F'_ior is
+found from a coarse grid of states with slopes, as for samples, and from a grid of 60 x 60 states
+(hdassist/error/extremes.py).
 """
 
 from __future__ import annotations
@@ -23,9 +24,13 @@ FINEST_GRID = (60,)
 
 @dataclass(frozen=True)
 class Searched:
-    """A draw at a torque [N*m]: what its holes miss, F'_ior [arcsec], states and processor time [s] a search.
+    """Both searches for the extremes of a sample at a torque.
 
-    states: of the fine grid, of few states those that are proven, and those of climbs.
+    M_g: torque [N*m].
+    missed: F'_ior of the coarse minus the fine search in each hole [arcsec].
+    F_ior: F'_ior of the fine search in each hole [arcsec].
+    states: states per search: of the fine grid, verified in the coarse search, and of its climbs.
+    seconds: processor time per search [s], coarse and fine.
     """
 
     M_g: float
@@ -36,7 +41,7 @@ class Searched:
 
 
 def drawn_drives(preset: str, count: int) -> list[Drive]:
-    """The first drives that check draws of a preset."""
+    """Return the first drives that check samples for a preset; count: their number."""
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
@@ -49,14 +54,14 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
 
 
 def searched(drive: Drive) -> list[Searched]:
-    """Both searches of a drive at its torques."""
+    """Return both searches for a drive, one result per torque."""
     from hdassist.error.error_map import Batch, error_maps
     from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
     from hdassist.solve.walk import Walk
 
     batch, found = Batch.turned(drive, [360 / HOLES * k for k in range(HOLES)]), []
     for error_map in error_maps(drive, drive.operation.M_g):
-        error_map.load_case()  # with the reference, which both have
+        error_map.load_case()  # prepares the reference, which both searches use
         begun, climbed = time.process_time(), Walk.climbed
         few = many_extremes(error_map, batch, DRAWN_GRIDS)
         between, climbed = time.process_time(), Walk.climbed - climbed
@@ -76,7 +81,7 @@ def searched(drive: Drive) -> list[Searched]:
 
 
 def measure(quick: bool, preset: str = "vzp160", count: int = DRAWS) -> list[dict[str, Any]]:
-    """Bias, rms and worst miss [arcsec], states and processor time [ms] a search of both, by torque."""
+    """Return the errors of the coarse search [arcsec], and states and processor time [ms] of both, by torque."""
     import numpy as np
 
     with ProcessPoolExecutor(os.cpu_count()) as executor:
@@ -105,12 +110,12 @@ def measure(quick: bool, preset: str = "vzp160", count: int = DRAWS) -> list[dic
 
 
 def main() -> None:
-    """Compare, and print a line for each torque."""
+    """Compare the searches, and print a line for each torque."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("preset", nargs="?", default="vzp160")
     reader.add_argument("--n", type=int, default=DRAWS, help="draws")
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # set before numpy is loaded
     for row in measure(False, options.preset, options.n):
         print(", ".join(f"{name} {value}" for name, value in row.items()))
 

@@ -1,7 +1,7 @@
-"""How fine the encoders of a rig have to be: the figures of docs/measure.md, `python -m benchmarks.encoders`.
+"""Required resolution of the encoders of a test rig, for docs/measure.md: `python -m benchmarks.encoders`.
 
-The full cycle of vzp160 at 80 N*m as two encoders would have recorded it, read by `hdassist measure`. A motor is not
-even, so that readings by the clock come at angles of their own; those that the cam's encoder triggers are even.
+`hdassist measure` reads the full cycle of vzp160 at 80 N*m as two encoders would record it. A motor turns unevenly, so
+readings triggered by a clock are at uneven angles; readings triggered by the input encoder are at even angles.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
 
-READINGS = 50  # in a cam turn
-CLOCK, CAM = 0.4, 0.0  # by how much of the way between readings they come at other angles
-RIGS = (  # steps of the output's encoder [arcsec], of the cam's [deg], noise [arcsec], readings by
+READINGS = 50  # readings per input revolution
+CLOCK, CAM = 0.4, 0.0  # unevenness of the angles as a share of the step between readings, by trigger
+RIGS = (  # steps of the output encoder [arcsec] and of the input encoder [deg], noise [arcsec], trigger
     (1.0, 0.01, 0.0, CLOCK), (5.0, 0.01, 0.0, CLOCK), (20.0, 0.01, 0.0, CLOCK), (40.0, 0.01, 0.0, CLOCK),
     (1.0, 0.1, 0.0, CLOCK), (1.0, 0.5, 0.0, CLOCK), (1.0, 0.01, 2.0, CLOCK), (5.0, 0.1, 1.0, CLOCK),
     (1.0, 0.01, 0.0, CAM), (5.0, 0.01, 0.0, CAM), (20.0, 0.01, 0.0, CAM), (5.0, 0.01, 1.0, CAM),
@@ -24,7 +24,15 @@ RIGS = (  # steps of the output's encoder [arcsec], of the cam's [deg], noise [a
 
 
 def recorded(error: Array, ratio: float, output_step: float, cam_step: float, noise: float, uneven: float) -> bytes:
-    """A file of both angles [deg], the cam turned through the cycle whose error [arcsec] is given."""
+    """Return the file of both angles [deg] of a recording over the full cycle.
+
+    error: error at even input angles over the cycle [arcsec].
+    ratio: input revolutions per output revolution.
+    output_step: step of the output encoder [arcsec].
+    cam_step: step of the input encoder [deg].
+    noise: standard deviation of the output readings [arcsec].
+    uneven: unevenness of the angles as a share of the step between readings.
+    """
     rng = np.random.default_rng(0)
     cycle = round(ratio)
     turns = np.arange(cycle * READINGS) / READINGS

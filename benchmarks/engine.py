@@ -1,4 +1,4 @@
-"""What one state costs on one thread, sums and certificate included: each engine, and solvers called through cvxpy."""
+"""Processor time of one state on one thread, sums and certificate included, for each engine and for cvxpy solvers."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from hdassist.solve.build import library_name
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne, solve_through_cvxpy
 
-SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # states that each one solves
+SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # number of states solved by each solver
 
 
 class Warm:
-    """DAQP warm from state to state, with the sums and the certificate that the engines have."""
+    """DAQP with a warm start from the previous state, with the sums and the certificate of the engines."""
 
     def __init__(self, formulation: Formulation, torque: float) -> None:
         self._formulation, self._torque = formulation, torque
@@ -42,7 +42,7 @@ class Warm:
         self._model: Any = None
 
     def sums(self, gaps: StateGaps) -> StateSums:
-        """Solve states as LoadCase.sums says."""
+        """Solve states, as LoadCase.sums does."""
         delta_p = self._formulation.system.delta_p_of(gaps)
         forces, free = np.empty(delta_p.shape), np.empty((len(gaps), len(self._A)))
         for k, q in enumerate(self._formulation.gaps(delta_p)):
@@ -58,10 +58,10 @@ class Warm:
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """For each torque of vzp160 with whole flanks: processor time a state [us], of the cycle and of a search.
+    """Return the processor time per state of vzp160 with whole flanks [us], over the cycle and in a search, by torque.
 
-    Engines take turns, each over the full cycle and over the batches in which proposals of extremes are solved; a
-    solver through cvxpy solves random states of the cycle one after another, its programme stated before.
+    The engines alternate. Each solves the full cycle, and the batches in which proposals of extremes are solved. A
+    solver called through cvxpy solves random states of the cycle one after another; its program is formulated before.
     """
     drive = load_preset("vzp160", ["numerics.stations=1"])
     kinematics = Kinematics.of(drive)
@@ -82,7 +82,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 
 def searched(drive: Drive, M_g: float) -> list[StateGaps]:
-    """The batches of states that proposals of a drive's extremes solve, one after another."""
+    """Return the batches of states, in order, that are solved to find the extremes of a drive by proposals."""
     batches: list[StateGaps] = []
     solve = LoadCase.solve
 
@@ -96,13 +96,13 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
 
 
 def chunks(solver: LoadCase | Warm, gaps: StateGaps) -> Iterator[StateSums]:
-    """Sums of states, as many at once as a load case asks for."""
+    """Yield the sums of states, solved in chunks of the size that a load case uses."""
     for first in range(0, len(gaps), STATES_AT_A_TIME):
         yield solver.sums(gaps[first : first + STATES_AT_A_TIME])
 
 
 def walks() -> Iterator[tuple[str, object]]:
-    """The compiled walk for each instruction set that this machine has, in words, and its library."""
+    """Yield the name and the library of the compiled walk for each instruction set of this machine."""
     best, _ = walk.walk_library()
     for level, words in sorted(walk.INSTRUCTIONS.items()):
         file = best and Path(best._name).parent / library_name(level)
@@ -111,7 +111,7 @@ def walks() -> Iterator[tuple[str, object]]:
 
 
 def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], rounds: int) -> dict[str, float]:
-    makers: dict[str, Callable[[], Any]] = {}  # of what solves as an engine does
+    makers: dict[str, Callable[[], Any]] = {}  # functions that make engines, by name
     for words, library in walks():
         makers[words] = partial(_with, library, formulation, torque, batches[0][:1])
     makers[NUMPY] = lambda: LoadCase(formulation, torque / N_MM, many=True, compiled=False)
@@ -128,7 +128,7 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
 
 
 def _with(library: object, formulation: Formulation, torque: float, first: StateGaps) -> LoadCase:
-    """An engine that walks by a library; it is chosen when the first state is solved."""
+    """Return a load case with a library of the walk, which it selects when it solves its first state."""
     with patch.object(walk, "walk_library", lambda: (library, "")):
         engine = LoadCase(formulation, torque / N_MM, many=True)
         engine.sums(first)
@@ -136,7 +136,7 @@ def _with(library: object, formulation: Formulation, torque: float, first: State
 
 
 def _certificate(formulation: Formulation, torque: float, gaps: StateGaps, rounds: int) -> float:
-    """Microseconds that numpy takes for the residuals of a state."""
+    """Return the time that numpy needs for the residuals of a state [us]."""
     some = formulation.system.delta_p_of(gaps[:STATES_AT_A_TIME])
     forces, free, _ = OneByOne(formulation).solve(some, torque)
     return seconds(lambda: residuals(formulation.system, some, torque, forces, free), rounds) / len(some) * 1e6
@@ -149,4 +149,4 @@ def _through_cvxpy(formulation: Formulation, torque: float, gaps: StateGaps, sol
         begun = time.process_time()
         solve_through_cvxpy(formulation, delta_p, torque, solver)
         times.append(time.process_time() - begun)
-    return statistics.median(times[1:]) * 1e6  # the first one is compiled
+    return statistics.median(times[1:]) * 1e6  # the first time includes compilation

@@ -1,6 +1,7 @@
-"""Reference data of a drive known from its data sheet, and what they narrow: `python -m benchmarks.evidence`.
+"""Effect of the reference data of a drive on the range of its F'_ior: `python -m benchmarks.evidence`.
 
-Prints the table of docs/unknown.md; `--picture` draws its figure from the table that stands there.
+The drive is known from its data sheet. The table of docs/unknown.md is printed; `--picture` draws the figure of the
+page from the table in the page.
 """
 
 from __future__ import annotations
@@ -22,11 +23,17 @@ EVIDENCE: dict[str, tuple[str, ...]] = {
         *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
     ),
 }  # fmt: skip
-WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at its right edge
+WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # sizes of the figure; its right edge is at MOST arcsec
 
 
 def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int]]:
-    """Yield a row per set of reference data: words, percentiles 5, 50, 95 of F'_ior, W_0, effective samples, all."""
+    """Yield a row for each set of reference data.
+
+    A row has the words of the set, the 5th, 50th and 95th percentile of F'_ior [arcsec], the 5th and 95th percentile of
+    W_0, the effective sample size and the number of samples.
+
+    draws: required effective sample size.
+    """
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
@@ -48,14 +55,14 @@ def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int
 
 
 def rows_of_page() -> list[tuple[str, list[float]]]:
-    """Words and percentiles of F'_ior of the rows that the page has."""
+    """Return the words and the percentiles of F'_ior of the rows in the page."""
     text = (DOCS / "unknown.md").read_text(encoding="utf-8")
     found = re.findall(r"^\| (.+?) \| (\d+), (\d+), (\d+) \| [\d.]+ to [\d.]+ \|", text, re.MULTILINE)
     return [(words, [float(value) for value in values]) for words, *values in found]
 
 
 def drawn() -> str:
-    """The figure: a bar from the 5th to the 95th percentile with the median, for each set of reference data."""
+    """Return the figure, with a bar from the 5th to the 95th percentile and the median for each set of data."""
     found = rows_of_page()
     height = ROW * len(found) + 50
 

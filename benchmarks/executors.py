@@ -1,9 +1,9 @@
-"""Overhead of engines of other packages: `python -m benchmarks.executors [-n 2000] [--workers 1 2 4]`.
+"""Overhead of executors of other packages: `python -m benchmarks.executors [-n 2000] [--workers 1 2 4]`.
 
-For processes of our own, then for so many workers of `--executor dask` each: random drives of `hdassist tolerance
-vzp160 --torque 80`, and chunks of work that takes no time. What they cost is processor time of this process (with
-dask its client, scheduler and nannies' threads) and of the workers; the time on the clock means something on a quiet
-machine with a core for each worker only.
+Random drives of `hdassist tolerance vzp160 --torque 80`, and chunks of work that takes no time, are computed by
+processes of hdassist, and then by each number of workers of `--executor dask`. The cost is the processor time of this
+process (with dask, its threads for client, scheduler and nannies) and of the workers. The elapsed time is meaningful
+only on a quiet machine with a core for each worker.
 """
 
 from __future__ import annotations
@@ -16,17 +16,20 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-CHUNKS = 2000  # of work that takes no time
+CHUNKS = 2000  # number of chunks of work that takes no time
 
 
 def nothing(first: int, last: int) -> list[int]:
-    """The records of work that takes no time."""
+    """Return the records of work that takes no time."""
     return list(range(first, last))
 
 
 @contextmanager
 def engine(workers: int) -> Iterator[tuple[Executor | None, Callable[[], float]]]:
-    """An engine of so many workers, 0 for none, and a function for the processor time of its workers [s]."""
+    """Yield an executor, and a function that returns the processor time of its workers [s].
+
+    workers: number of dask workers; 0 for processes of hdassist, whose executor is None.
+    """
     from hdassist.run.run import cluster, end_clusters
     from hdassist.solve.walk import installation
 
@@ -34,13 +37,18 @@ def engine(workers: int) -> Iterator[tuple[Executor | None, Callable[[], float]]
         yield None, lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         return
     with cluster("dask", workers, installation) as found:
-        client = found._engine._client  # type: ignore[attr-defined]  # dask's own executor
+        client = found._engine._client  # type: ignore[attr-defined]  # the executor of dask
         yield found, lambda: sum(sum(times[:2]) for times in client.run(os.times).values())
     end_clusters()
 
 
 def measure(workers: int, drives: int, jobs: int = 2) -> str:
-    """A line on so many workers (0: processes of our own) and random drives."""
+    """Return the line of results for an executor.
+
+    workers: number of dask workers; 0 for processes of hdassist.
+    drives: number of random drives.
+    jobs: number of processes of hdassist.
+    """
     from hdassist import load_preset
     from hdassist.run.run import Run, stream
     from hdassist.tolerance.production import Production, production_law
@@ -49,7 +57,7 @@ def measure(workers: int, drives: int, jobs: int = 2) -> str:
     made = Production(production_law(drive), (80.0,), per_design=10).with_designs(drives, run=Run())[0]
     with engine(workers) as (found, of_workers):
         begun = time.perf_counter(), time.process_time(), of_workers()
-        for _ in stream(nothing, CHUNKS, jobs=jobs, seconds=0, executor=found):  # a chunk for each
+        for _ in stream(nothing, CHUNKS, jobs=jobs, seconds=0, executor=found):  # one record per chunk
             pass
         empty = time.perf_counter(), time.process_time(), of_workers()
         for _ in stream(made.records, drives, jobs=jobs, executor=found):
@@ -67,12 +75,12 @@ def measure(workers: int, drives: int, jobs: int = 2) -> str:
 
 
 def main() -> None:
-    """Print a line on each engine."""
+    """Print a line for each executor."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("-n", type=int, default=2000, help="drives for each")
     reader.add_argument("--workers", type=int, nargs="*", default=[0, 1, 2, 4], help="0: processes of our own")
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # set before numpy is loaded
     for workers in options.workers:
         print(measure(workers, options.n), flush=True)
 

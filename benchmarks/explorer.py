@@ -1,4 +1,4 @@
-"""Processor time from a key to numbers on the screen of the explorer, beside that of one check of the same drive."""
+"""Processor time from a key to numbers on the screen of the explorer, compared with one check of the same drive."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from contextlib import suppress
 from typing import Any
 
 NAMES = ("vzp160", "size-25-100")
-FIELD = "gears.j_n"  # that a key changes
+FIELD = "gears.j_n"  # field that a key changes
 
 
 class AnsweredError(Exception):
-    """The number is there that was waited for."""
+    """Signal that the awaited number has been computed."""
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """Seconds of each drive: to the first number, to the proven one, and of the whole answer of check."""
+    """Return the time to the first number, to the verified number, and of a complete check, for each drive [s]."""
     return [measured(name, 3 if quick else 9) for name in NAMES]
 
 
 def measured(name: str, rounds: int) -> dict[str, Any]:
-    """Medians over so many keys, each a step of a field."""
+    """Return the median times over a number of key presses, each of which changes a field by a step."""
     from hdassist.design import check
     from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
     from hdassist.explorer.state import edited, opened_state, stepped
@@ -56,7 +56,7 @@ def measured(name: str, rounds: int) -> dict[str, Any]:
 
 
 def spent(work: Callable[[], object]) -> float:
-    """Processor time of some work and of the processes that it began and ended [s]."""
+    """Return the processor time of some work and of the processes that it started and ended [s]."""
     begun = os.times()
     work()
     return sum(now - then for now, then in zip(os.times()[:4], begun[:4], strict=True))

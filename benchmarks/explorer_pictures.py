@@ -1,6 +1,6 @@
-"""The path of docs/explore.md: its keys typed into the explorer, and pictures of the screen at their end.
+"""The example of docs/explore.md: its keys are typed into the explorer, and the final screen is drawn.
 
-`python -m benchmarks.explorer_pictures` takes a few minutes; it prints the top of the screen after each line of keys.
+`python -m benchmarks.explorer_pictures` takes a few minutes. It prints the top of the screen after each line of keys.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).parents[1] / "docs"
 VIEWS = {(80, 24): "6", (100, 30): "1", (140, 40): "1"}  # size in columns and rows: key of the view
-LONGEST = 1800.0  # s that the explorer may compute
+LONGEST = 1800.0  # s; time limit of a computation
 
 
 def main() -> None:
-    """Write the pictures."""
+    """Write the pictures in a temporary working folder."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         asyncio.run(write_pictures())
 
 
 async def write_pictures() -> None:
-    """Play the path, and write the SVG of the screen at each size at its end."""
+    """Type the keys of the example, and write the final screen in each size as SVG."""
     from hdassist.explorer.app import without_fonts
 
     async for line, app, pilot in played():
@@ -49,7 +49,7 @@ async def write_pictures() -> None:
 
 
 def key_lines() -> list[str]:
-    """The lines of keys of the page, each a key and a text to fill in."""
+    """Return the lines of keys in the page, each with a key and a text to fill in."""
     page = (DOCS / "explore.md").read_text(encoding="utf-8")
     block = re.search(r"```none\nhdassist explore mine\.yaml --torque 6\.7\n(.*?)```", page, flags=re.DOTALL)
     assert block
@@ -57,7 +57,10 @@ def key_lines() -> list[str]:
 
 
 async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
-    """The explorer of the page's preset, made in the working folder, after each line of keys, at rest."""
+    """Yield each line of keys with the explorer and its pilot, after all computations for this line.
+
+    The preset of the page is made in the working folder.
+    """
     from textual.widgets import Input
 
     from hdassist.cli import run_command_line
@@ -92,19 +95,19 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
 
 
 async def at_rest(app: Explorer, pilot: Pilot[int]) -> None:
-    """Wait until all that was asked is answered."""
+    """Wait until all computations have ended. Raises TimeoutError after LONGEST."""
     quiet = 0
     for _ in range(round(LONGEST / 0.2)):
         await pilot.pause(0.2)
         quiet = 0 if any(not worker.is_finished for worker in app.workers) else quiet + 1
-        if quiet * 0.2 > 1.5:  # s, more than until cam turn and levers are asked for
+        if quiet * 0.2 > 1.5:  # s; longer than the delay before the input revolution and the levers are requested
             return
     raise TimeoutError(f"no answer in {LONGEST:g} s")
 
 
 def rows(app: Explorer) -> list[str]:
-    """The lines of the screen."""
-    # Textual has no public way to the cells of a screen
+    """Return the lines of the screen."""
+    # Textual has no public access to the cells of a screen
     strips = app.screen._compositor.render_strips()
     return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
 

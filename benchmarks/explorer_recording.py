@@ -1,6 +1,6 @@
-"""The recording of the README: the wheel of vzp160 turned in the explorer, hole by hole, as one SVG that moves.
+"""The animation in the README, an SVG of the explorer in which the wheel of vzp160 is turned hole by hole.
 
-`python -m benchmarks.explorer_recording` takes a minute or two. Without its animation it shows the last screen.
+`python -m benchmarks.explorer_recording` takes a minute or two. Viewers without animation show the last screen.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from benchmarks.explorer_pictures import at_rest
 
 RECORDING = Path(__file__).parents[1] / "docs/pictures/explorer.svg"
 PRESET, SIZE = "vzp160", (100, 30)  # columns and rows of the terminal
-SCREEN, LAST = 1.2, 4.0  # s that each screen is shown, and the last one
+SCREEN, LAST = 1.2, 4.0  # s; time for which each screen, and the last screen, is shown
 
 
 def main() -> None:
-    """Write the recording."""
+    """Write the animation."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     RECORDING.write_text(moving(asyncio.run(screens())), encoding="utf-8")
 
 
 async def screens() -> list[str]:
-    """SVGs of the screen as it opens, with the wheel a hole further each time, and in the best hole."""
+    """Return the screens as SVG: after opening, with the wheel turned by one hole each time, and in the best hole."""
     from hdassist.explorer.app import Explorer
     from hdassist.explorer.command import Service
     from hdassist.explorer.state import opened_state
@@ -44,7 +44,7 @@ async def screens() -> list[str]:
 
 
 def moving(pictures: list[str]) -> str:
-    """One SVG that shows pictures of the same size in turn, for ever."""
+    """Return one SVG that shows pictures of the same size one after another, in an endless loop."""
     from hdassist.explorer.app import without_fonts
 
     bare = [re.sub(r'<clipPath id="[^"]*-line-.*?</clipPath>\s*| clip-path="[^"]*-line-[^"]*"', "", p, flags=re.DOTALL)

@@ -1,4 +1,4 @@
-"""What one state costs as the number of teeth grows, the size of the drive staying."""
+"""Processor time of one state for increasing numbers of teeth in a drive of constant size."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from hdassist.model.contacts import contact_system
 from hdassist.run.run import UNCHECKED
 
 TEETH = (100, 200, 300, 400)
-PITCH_DIAMETER = 160.0  # mm, of the flexspline
+PITCH_DIAMETER = 160.0  # mm; pitch diameter of the flexspline
 
 
 def drive_of(z_g: int) -> Drive:
-    """vzp160 with other teeth on the same pitch circle: module and wave go down, profile shifts go up with z_g."""
+    """Return vzp160 with other teeth on the same pitch circle.
+
+    The module and the wave decrease with z_g, the profile shifts increase.
+    """
     m = PITCH_DIAMETER / z_g
     x_g = 3.1 * z_g / 200
     fields = {"z_g": z_g, "z_b": z_g + 2, "m": m, "x_g": x_g, "x_b": x_g + 0.2}
@@ -23,7 +26,7 @@ def drive_of(z_g: int) -> Drive:
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """Microseconds of processor time a state over the full cycle of each drive, set-up and certificate included."""
+    """Return the processor time per state over the full cycle of each drive [us], set-up and certificate included."""
     found = []
     for z_g in TEETH[:2] if quick else TEETH:
         drive = drive_of(z_g)

@@ -1,14 +1,15 @@
-"""Verdicts of check held to account on drives that its belief cannot represent: `python -m benchmarks.honesty --n 40`.
+"""Test of the verdicts of check on drives that its samples cannot represent: `python -m benchmarks.honesty --n 40`.
 
-Each hidden drive is like the data-sheet preset, with other stiffnesses, wave, supports and clearances, drawn by other
-laws than the belief's; rings, teeth, temperature and flanks (whole or coned) that the belief holds for exact; and teeth
-with harmonics of every order and noise. It is a harmonic drive: its teeth are shifted until it has no play, and then
-closer by a preload of another law than the belief's. --stiff draws those whose clearances are small and whose supports
-are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps; with --coupling, a solid
-hub too, as every designer knows, where the support of the cam is one.
+Each hidden drive resembles the data-sheet preset. Its stiffnesses, wave, supports and clearances are sampled from other
+distributions than those of the prior. Its rings, teeth, temperature and flanks (whole or coned) differ, although the
+prior takes them as exact, and its teeth have harmonics of every order and noise. The teeth are shifted until the drive
+has no backlash, as in a harmonic drive, and then closer by a preload from another distribution than that of the prior.
+--stiff selects drives with small clearances and stiff supports. The known data of a hidden drive are K_1 to K_3, with
+errors of 10 %, and an upper limit of its lost motion. With --coupling, a solid hub is known too if the drive has one,
+as every designer knows it.
 
---own draws from the belief itself, of one data sheet: drives of which its range must hold 90 %, and those of them that
---stiff would draw, of which it cannot, as nothing told says that they lie there.
+--own samples drives from the prior of one data sheet. The 90 % range of check must contain 90 % of these drives. It
+cannot contain 90 % of the drives that --stiff selects from them, because the data do not show that they are stiff.
 """
 
 from __future__ import annotations
@@ -22,24 +23,29 @@ from itertools import repeat
 
 import numpy as np
 
-EXACT = ("flexspline.h_1", "flexspline.h_3", "flexspline.k_t", "bearing.ring_h", "material.E")  # of the belief
-OFF = 0.08  # standard deviation of their logarithm in hidden drives
+EXACT = ("flexspline.h_1", "flexspline.h_3", "flexspline.k_t", "bearing.ring_h", "material.E")  # exact in the prior
+OFF = 0.08  # standard deviation of the logarithm of these fields in hidden drives
 WARM = 6.0  # K, standard deviation of operation.dT
-HIGHEST, NOISE = 12, 1.0  # order of the teeth's harmonics; um of noise a tooth
-MISREAD = 0.10  # standard deviation of the logarithm of a catalogue's stiffness
-ROOM = 1.2  # of its lost motion that the catalogue allows
-PRELOAD = 0.012  # modules of profile shift, scale of Rayleigh's law
-LEAST_PLAY = 1.0  # arcsec, to which teeth are shifted
+HIGHEST, NOISE = 12, 1.0  # highest order of the harmonics of the teeth; standard deviation of single teeth [um]
+MISREAD = 0.10  # standard deviation of the logarithm of a catalogue stiffness
+ROOM = 1.2  # limit of the lost motion in the catalogue over the lost motion of the drive
+PRELOAD = 0.012  # scale of the Rayleigh distribution of the preload, a profile shift in modules
+LEAST_PLAY = 1.0  # arcsec; backlash after the teeth are shifted
 STIFF = {"bearing.g_b": (0.0, 0.3), "supports.C_1": (0.6, 1.0), "supports.C_2": (0.6, 1.0), "supports.C_3": (0.5, 1.0)}
-OWN_DRAWS = 1024, 256  # of the belief of a data sheet, anywhere and within STIFF
+OWN_DRAWS = 1024, 256  # numbers of samples of the prior of a data sheet, of all drives and within STIFF
 LIMITS = 1.0  # standard deviation of the logarithm of a limit around the true F'_ior
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A hidden drive: its F'_ior, limit and 5th and 95th percentile as believed [arcsec], verdict, effective samples.
+    """Verdict on a hidden drive.
 
-    refused: why there is no verdict.
+    F_ior: true F'_ior [arcsec].
+    limit: limit of F'_ior [arcsec].
+    p5, p95: predicted 5th and 95th percentile of F'_ior [arcsec].
+    verdict: verdict of check.
+    effective: effective sample size.
+    refused: reason why there is no verdict, empty if there is one.
     """
 
     F_ior: float = np.nan
@@ -52,7 +58,15 @@ class Judged:
 
 
 def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, coupling: bool = False) -> Judged:
-    """What check's rule says of a hidden drive, by its number, with at most so many times as many draws."""
+    """Return the verdict by the rule of check on a hidden drive.
+
+    number: number of the drive.
+    draws: required effective sample size.
+    most: factor by which it may be increased if the verdict is undecided.
+    seed: seed of all drives.
+    stiff: whether the drive lies within STIFF.
+    coupling: whether a solid hub is known.
+    """
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import FEWEST_SAMPLES, SamplingEffort, draw_samples, limits_settled
@@ -75,14 +89,14 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
 
 
 def hidden(rng: np.random.Generator, stiff: bool = False, coupling: bool = False):
-    """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
+    """Return the preset with the known data of a hidden drive, a torque M_g [N*m] and the true F'_ior [arcsec]."""
     preset, there, teeth = hidden_drive(rng, stiff=stiff, coupling=coupling)
     M_g = preset.operation.M_g[0]
     return preset, M_g, true_F_ior(there, M_g, teeth)
 
 
 def true_F_ior(drive, M_g: float, teeth) -> float:
-    """F'_ior [arcsec] of a hidden drive at a torque M_g [N*m]."""
+    """Return F'_ior of a hidden drive at a torque M_g [N*m], in arcsec; teeth: deviations of its teeth."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
@@ -96,9 +110,12 @@ def hidden_drive(
     stiff: bool = False,
     coupling: bool = False,
 ):
-    """The preset that is known of a hidden drive, the drive, and the deviations of its teeth.
+    """Return the preset with the known data of a hidden drive, the drive, and the deviations of its teeth.
 
-    Arguments: stiff, within STIFF; coupling, whether it is known that the cam sits on a solid hub, where it does.
+    rng: random generator.
+    ratios: possible ratios of the drive.
+    stiff: whether the drive lies within STIFF.
+    coupling: whether the preset states a solid hub if the wave generator of the drive sits on one.
     """
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
@@ -135,7 +152,11 @@ def hidden_drive(
 
 
 def _without_play(drive, preload: float):
-    """The drive with its rigid wheel shifted to a play of LEAST_PLAY, by bisection, then closer; None without one."""
+    """Return the drive with the profile shift of its circular spline adjusted to a backlash of LEAST_PLAY, and preload.
+
+    preload: further profile shift that closes the teeth [modules].
+    Returns None if no shift gives this backlash.
+    """
     from scipy.optimize import brentq
 
     from hdassist.error.stiffness import stiffness
@@ -150,18 +171,22 @@ def _without_play(drive, preload: float):
 
     try:
         return shifted(brentq(excess, -0.3, 0.3, xtol=1e-4) - preload)
-    except (HdassistError, ValueError):  # the teeth jam, or have play, at both ends
+    except (HdassistError, ValueError):  # the teeth jam or have backlash at both ends of the range
         return None
 
 
 def drawn_values(prior, rng: np.random.Generator, within: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """Values of a hidden drive where the belief has distributions: sizes by Rayleigh's law, others toward the ends.
+    """Return values of a hidden drive for the uncertain fields of the prior, by path.
 
-    Argument: within, shares of the probability that some fields lie between, by path.
+    Sizes follow Rayleigh distributions; other values are more frequent near the ends of their ranges than in the prior.
+
+    prior: prior of the preset.
+    rng: random generator.
+    within: range of the cumulative probability for fields that are restricted, by path.
     """
     found = {}
     for each in prior.fields:
-        if each.distribution == "meshing" or each.group.startswith("tolerances.f_p"):  # rough_teeth has them
+        if each.distribution == "meshing" or each.group.startswith("tolerances.f_p"):  # set elsewhere
             continue
         low, high = within.get(each.path, (0.0, 1.0))
         share = low + (high - low) * rng.beta(0.8, 0.8)
@@ -172,7 +197,7 @@ def drawn_values(prior, rng: np.random.Generator, within: dict[str, tuple[float,
 
 
 def rough_teeth(drive, rng: np.random.Generator):
-    """Deviations of the teeth of both wheels [um]: harmonics that fall with their order, and noise."""
+    """Return the deviations of the teeth of both wheels [um]: harmonics that decrease with their order, and noise."""
     from hdassist.model.deviations import ToothDeviations
 
     def wheel(z: int, peak_to_peak: float):
@@ -189,9 +214,9 @@ def rough_teeth(drive, rng: np.random.Generator):
 
 
 def own_drives(jobs: int, seed: int) -> list[list[bool]]:
-    """Whether the 5-95 % range holds drives that the belief itself draws: anywhere, and within STIFF.
+    """Return for each drive whether its 90 % range contains F'_ior, for drives of the prior and for those within STIFF.
 
-    Each is told by its figures, as hidden ones are, and believed by all other draws, weighed by these.
+    The figures of a drive are known as for hidden drives, and all other samples are weighted by these figures.
     """
     from hdassist import load_preset
     from hdassist.belief.draws import Sampling
@@ -203,7 +228,7 @@ def own_drives(jobs: int, seed: int) -> list[list[bool]]:
     from hdassist.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
-    stiffness = "3.1e4,5.0e4,5.7e4"  # of its catalogue; a drive's own take its place
+    stiffness = "3.1e4,5.0e4,5.7e4"  # stiffness of the catalogue, replaced by the figures of each drive
     asked = read_requirements(like, ratio=100, pitch_diameter="63.5 mm", torque="67", stiffness=stiffness)
     preset = load_text(similar_preset("own", like, asked), "own.yaml")
     prior, evidence, rng = prior_of(preset), evidence_of(preset), np.random.default_rng(seed)

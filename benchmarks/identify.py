@@ -1,13 +1,14 @@
-"""Values of vzp160 that Fig. 3 and Fig. 2 of its paper leave: `python -m benchmarks.identify FILE [--seed 1]`.
+"""Values of vzp160 that agree with Fig. 3 and Fig. 2 of its paper: `python -m benchmarks.identify FILE [--seed 1]`.
 
-Each drive that is solved is a line of FILE (a second run goes on from it): values, bars of Fig. 3, ranges of Fig. 2,
-self errors, K1 to K3. The first are spread over all bounds. From all of them a smooth surface is laid through the
-logarithm of each figure; drives drawn by the likelihood that this surface has are solved next, at first with figures
-taken as three times as uncertain, then as stated. The last draws, weighted by their likelihood as solved over that of
-the surface, are samples of what the figures leave.
+Each solved drive is a line of FILE with its values, bars of Fig. 3, ranges of Fig. 2, self errors and K1 to K3; a
+second run resumes from FILE. The first drives are spread over all bounds. A smooth surface is then fitted to the
+logarithm of each figure of all drives. The next drives are sampled by the likelihood that the surface gives. The
+uncertainties of the figures are three times as large in the first round, and decrease to the stated ones. The last
+drives, weighted by the ratio of their own likelihood to that of the surface, are samples of the drives that agree with
+the figures.
 
-Two of eleven drives in each round are drawn as if K1 to K3 of catalogues were known too: they show the front between
-these and the figures.
+Two of eleven drives in each round are sampled as if K1 to K3 of catalogues were also known. They show the trade-off
+between these stiffnesses and the figures.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ from hdassist.mounting.positions import phase_deg
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
 
-Row = dict[str, Any]  # of the file
+Row = dict[str, Any]  # a line of the file
 
-# lower and upper bound; those of the paper's drive that its figures say something about
+# lower and upper bound of the fields on which the figures of the paper depend
 BOUNDS = {
     "gears.j_n": (0.0, 20.0),
     "gears.h_a": (0.5, 0.7),
@@ -61,35 +62,40 @@ BOUNDS = {
 PATHS = tuple(BOUNDS)
 LOW, HIGH = np.array(list(BOUNDS.values())).T
 LOGARITHMIC = np.array([path.startswith("supports.") for path in PATHS])
-BETA = PATHS.index("bearing.beta")  # 0 is 1
+BETA = PATHS.index("bearing.beta")  # a phase, for which 0 and 1 are equal
 
-BARS = np.array([31.0, 15.0, 13.0, 2.0])  # arcsec, Fig. 3: greatest and least at 80 N*m, at 800 N*m
-PRINTED = np.array([BARS - 0.5, BARS + 0.5])  # in whole arcsec
-TURN_STARTS, MOST_OVER_LEAST = (20, 100, 300), (2.0, 3.0)  # Fig. 2, deg
+BARS = np.array([31.0, 15.0, 13.0, 2.0])  # arcsec, Fig. 3: largest and smallest at 80 N*m and at 800 N*m
+PRINTED = np.array([BARS - 0.5, BARS + 0.5])  # ends of the bars, which are printed in whole arcsec
+TURN_STARTS, MOST_OVER_LEAST = (20, 100, 300), (2.0, 3.0)  # Fig. 2: start angles [deg], ratio of the ranges
 SELF_ERROR = (0.25, 2.0)  # arcsec
-EDGE = 0.05  # spread beyond such ends, in the logarithm: misfit of the model
+EDGE = 0.05  # standard deviation beyond such ends in the logarithm, for the misfit of the model
 CATALOGUE, CATALOGUE_SPREAD = np.array([50.2e4, 79.1e4, 90.1e4]), 0.10  # N*m/rad, sizes 58 and 65 by d^3 at 160 mm
 
 FIRST, EACH_ROUND, WALKERS, STEPS = 128, 44, 300, 120
-WIDER = (3.0, 2.0, 1.3)  # of the first rounds
+WIDER = (3.0, 2.0, 1.3)  # factor of the uncertainties in each of the first rounds
 
 
 def values_at(x: Array) -> dict[str, float]:
-    """Values by path of a place in the bounds, each from 0 to 1."""
+    """Return the values of fields, by path; x: positions within the bounds, each from 0 to 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.where(LOGARITHMIC, LOW * (HIGH / LOW) ** x, LOW + (HIGH - LOW) * x)
     return dict(zip(PATHS, found.tolist(), strict=True))
 
 
 def place_of(drive: Drive) -> Array:
-    """The place in the bounds of a drive."""
+    """Return the position of each field of a drive within its bounds, each from 0 to 1."""
     found = np.array([drive.number(path) for path in PATHS])
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(LOGARITHMIC, np.log(found / LOW) / np.log(HIGH / LOW), (found - LOW) / (HIGH - LOW)))
 
 
 def figures(drive: Drive) -> dict[str, list[float]]:
-    """Bars, ranges of Fig. 2 and self errors [arcsec], K1 to K3 [N*m/rad]; F'_ior [arcsec] at phases of 30 deg."""
+    """Return the figures of a drive, by name.
+
+    bars, ranges and self: bars of Fig. 3, ranges of Fig. 2 and self errors [arcsec].
+    K: K1 to K3 [N*m/rad].
+    scans: F'_ior at phases in steps of 30 deg [arcsec], for both torques.
+    """
     own, phases, bars, scans = phase_deg(drive), np.arange(0, 360, 30.0), [], []
     for M_g in (80.0, 800.0):
         error_map = ErrorMap(drive, M_g)
@@ -116,7 +122,12 @@ def figures(drive: Drive) -> dict[str, list[float]]:
 
 
 def log_likelihood(logs: Array, wider: float = 1.0, catalogue: bool = False) -> Array:
-    """Log likelihood of logarithms of bars, ranges, self errors and K, shape (..., 12)."""
+    """Return the log likelihood of figures.
+
+    logs: logarithms of bars, ranges, self errors and K, shape (..., 12).
+    wider: factor of the uncertainties.
+    catalogue: whether K1 to K3 of the catalogue count.
+    """
     bars, ranges, own, K = np.split(logs, [4, 7, 9], axis=-1)
     ratio = ranges.max(axis=-1) - ranges.min(axis=-1)
     off = [beyond(bars, PRINTED), beyond(ratio[..., None], MOST_OVER_LEAST), beyond(own, SELF_ERROR)]
@@ -125,18 +136,18 @@ def log_likelihood(logs: Array, wider: float = 1.0, catalogue: bool = False) -> 
 
 
 def beyond(logs: Array, ends: ArrayLike) -> Array:
-    """How far beyond soft ends, in their spread."""
+    """Return the distance of logarithms beyond the ends of a range, in units of EDGE; ends: range of the values."""
     low, high = np.log(ends)
     return np.asarray((np.maximum(logs - high, 0) + np.maximum(low - logs, 0)) / EDGE)
 
 
 def logs_of(rows: Sequence[Row]) -> Array:
-    """Logarithms of the figures of rows, shape (rows, 12)."""
+    """Return the logarithms of the figures of rows, shape (rows, 12)."""
     return np.asarray(np.log([[*row["bars"], *row["ranges"], *row["self"], *row["K"]] for row in rows]))
 
 
 class Surface:
-    """Smooth surfaces through the logarithms of all figures; axes are as long as the figures are sensitive to them."""
+    """Smooth surfaces fitted to the logarithms of all figures; axes are scaled by the sensitivity of the figures."""
 
     def __init__(self, x: Array, logs: Array) -> None:
         z = self.round_beta(x)
@@ -156,7 +167,10 @@ class Surface:
 def drawn_from(
     surface: Surface, start: Array, count: int, wider: float, catalogue: bool, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Draws by the likelihood of a surface, shape (count, fields), and its logarithm: differences of walkers."""
+    """Return samples by the likelihood of a surface, shape (count, fields), and their log likelihood.
+
+    The walkers of the Markov chain move by differences between walkers.
+    """
     x = start[rng.integers(len(start), size=WALKERS)] + 0.01 * rng.standard_normal((WALKERS, len(PATHS)))
     x = np.clip(x, 1e-6, 1 - 1e-6)
     log = log_likelihood(surface.logs(x), wider, catalogue)
@@ -179,7 +193,10 @@ def drawn_from(
 
 
 def solved(drive: Drive, x: Array) -> Row | None:
-    """A row of the file; None for what is no drive, or has no answer."""
+    """Return the row of a drive in the file; None if the drive is impossible or has no result.
+
+    x: positions of the fields within the bounds.
+    """
     values = {path: float(f"{value:.4g}") for path, value in values_at(x).items()}
     moved = drive.with_values(values)
     if first_conflict(moved):
@@ -191,17 +208,25 @@ def solved(drive: Drive, x: Array) -> Row | None:
 
 
 def weights_of(rows: Sequence[Row]) -> Array:
-    """Weights of the drives that were drawn by the figures alone as stated, 0 of all others; those of a round alike."""
+    """Return the weights of the drives; only drives sampled by the figures with their stated uncertainties count.
+
+    Each round is weighted by its effective sample size.
+    """
     every, logs = np.zeros(len(rows)), log_likelihood(logs_of(rows))
     for number in {row["round"] for row in rows if row["round"] >= len(WIDER)}:
         some = [k for k, row in enumerate(rows) if row["round"] == number and not row["catalogue"]]
         found = softmax([logs[k] - rows[k]["log_surface"] for k in some])
-        every[some] = found / np.square(found).sum()  # a round counts by its effective drives
+        every[some] = found / np.square(found).sum()  # the sum of a round is its effective sample size
     return np.asarray(every / every.sum())
 
 
 def fit_lines(rows: Sequence[Row], drive: Drive, count: int) -> Iterator[str]:
-    """The table fit of a preset: equally likely drives in the order of F'_ior as mounted, after the preset's own."""
+    """Yield the lines of the table `fit` of a preset.
+
+    It has the values of the preset, and then those of equally probable drives, sorted by F'_ior as assembled.
+
+    count: number of drives, including the preset.
+    """
     weights = weights_of(rows)
     as_mounted = [np.interp(phase_deg(drive), np.arange(0, 360, 30), row["scans"][0]) for row in rows]
     order = np.argsort(as_mounted, kind="stable")
@@ -237,7 +262,7 @@ def main() -> None:
 
     if not rows:
         every = Sobol(len(PATHS), seed=options.seed).random(FIRST)
-        if not options.from_bounds:  # half of them near the preset
+        if not options.from_bounds:  # half of the drives are near the preset
             every[::2] = np.clip(place_of(drive) + 0.12 * (every[::2] - 0.5), 0, 1)
         for x in every:
             solve(x, {"round": -1})

@@ -1,8 +1,8 @@
-"""How often F'_ior of joints of limited travel is held: `python -m benchmarks.joints [JOINTS]`.
+"""How often intervals of `measure` contain F'_ior of joints of limited travel: `python -m benchmarks.joints [JOINTS]`.
 
-Each joint turns through a part of an output turn, 40 of each: a drive that nobody knows, slow parts of the output in
-its error, white or slow noise, counts, lost rows. It is made of angles alone: it has none of the orders, bins or fits
-of the tool. About two minutes.
+For each travel, 40 joints move through a part of an output revolution. A joint has an unknown drive, slow terms of the
+output in its error, white or correlated noise, encoder counts or lost rows. The recordings are made from angles only,
+without the orders, bins or fits of the tool. This takes about two minutes.
 """
 
 from __future__ import annotations
@@ -18,13 +18,18 @@ from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace, sweeps
 
-RATIO, ROWS = 100, 60  # cam turns per output turn, rows a cam turn
+RATIO, ROWS = 100, 60  # input revolutions per output revolution, rows per input revolution
 TRAVELS = (300.0, 240.0, 120.0, 40.0)  # deg
-LIMITS = (0.97, 1.03)  # of the true F'_ior
+LIMITS = (0.97, 1.03)  # limits as shares of the true F'_ior
 
 
 class Joint:
-    """A joint by its seed and travel [deg]: cam_turns and error_arcsec of its record, and the true F'_ior."""
+    """A joint with a recording, given by its seed and its travel [deg].
+
+    cam_turns: input angles of the recording [rev].
+    error_arcsec: errors of the recording [arcsec].
+    F_ior_arcsec: true F'_ior [arcsec].
+    """
 
     def __init__(self, seed: int, travel_deg: float) -> None:
         rng = self.rng = np.random.default_rng([seed, 5, int(travel_deg)])
@@ -44,7 +49,7 @@ class Joint:
         self.cam_turns, self.error_arcsec = turns[kept], error[kept]
 
     def error(self, turns: Array) -> Array:
-        """Error [arcsec] at cam angles [turns]."""
+        """Return the error [arcsec] at input angles [rev]."""
         cam, output, p, s = 2 * np.pi * turns, 2 * np.pi * turns / RATIO, self.phase, self.share
         oval = np.cos(2 * cam + p[0]) * (
             1 + 0.5 * s[0] * np.cos(output + p[1]) + 0.2 * s[1] * np.cos(2 * output + p[2])
@@ -57,7 +62,7 @@ class Joint:
 
     @property
     def trace(self) -> MeasuredTrace:
-        """Its record, as the reader gives it."""
+        """The recording as the reader returns it."""
         cam = 360 * self.cam_turns
         return MeasuredTrace(
             "joint.csv", "", cam, self.error_arcsec, np.arange(len(cam)) + 1, 0.0, tuple(sweeps(cam)), ()
@@ -66,7 +71,15 @@ class Joint:
 
 @dataclass
 class JointStudy:
-    """Joints of one travel: how many were held, passed though 3 % beyond a limit, failed though 3 % within, refused."""
+    """Counts of the joints of one travel.
+
+    joints: number of joints.
+    held: joints whose interval contains F'_ior.
+    false_pass: joints that pass although they exceed the limit by 3 %.
+    false_fail: joints that fail although they are 3 % below the limit.
+    refused: refused recordings.
+    bias: sum of the relative errors of F'_ior.
+    """
 
     joints: int = 0
     held: int = 0
@@ -76,7 +89,7 @@ class JointStudy:
     bias: float = 0.0
 
     def add(self, joint: Joint, travel_deg: float) -> None:
-        """Measure one more."""
+        """Measure a joint, and count the result."""
         self.joints += 1
         try:
             (found,) = measure(joint.trace, ratio=RATIO, travel_deg=travel_deg).directions
@@ -92,7 +105,7 @@ class JointStudy:
 
 
 def main(count: int) -> None:
-    """A line for each travel."""
+    """Print a line for each travel; count: number of joints per travel."""
     for travel_deg in TRAVELS:
         study = JointStudy()
         for seed in range(count):

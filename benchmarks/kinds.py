@@ -1,9 +1,9 @@
-"""How often records of each kind are held: `python -m benchmarks.kinds [RIGS]`, 40 of each in about three minutes.
+"""How often intervals of `measure` contain the truth, by kind of recording: `python -m benchmarks.kinds [RIGS]`.
 
-Each rig is made of angles and times alone, with a drive that nobody knows: coloured noise, counts, lost rows, drift,
-lag, friction, few angles. It has none of the orders, bins or fits of the tool. Printed are F'_ior, order 2 of the cam
-with its beats, lost motion and lag that were held by their 95 % intervals, and verdicts at limits 3 % off the true
-F'_ior that were wrong.
+Each rig is made from angles and times only, with an unknown drive: coloured noise, counts, lost rows, drift, lag,
+friction or few angles. It has none of the orders, bins or fits of the tool. The table gives how often the 95 %
+intervals contain F'_ior, order 2 of the input with its sidebands, lost motion and lag, and the number of wrong verdicts
+at limits 3 % off the true F'_ior. The default of 40 rigs per kind takes about three minutes.
 """
 
 from __future__ import annotations
@@ -20,18 +20,25 @@ from hdassist.measuring.measure import measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
 
-RATIO, ROWS = 30, 60  # cam turns of the cycle, one output turn; rows a cam turn at one turn a second
+RATIO, ROWS = 30, 60  # input revolutions of the cycle, one output revolution; rows per input revolution at 1 rev/s
 FEW_ROWS = 16
 KINDS = ("white noise", "coloured noise", "counts", "lost rows", "drift", "lag", "friction", "few angles")
-BOTH_WAYS = ("lag", "friction")  # at two speeds
-COUNTS = (2**14, 2**22)  # a turn, of the cam's and the output's encoder
-LIMITS = (0.97, 1.03)  # of the true F'_ior
-PER_MS = 1.296e3 / RATIO  # arcsec s/turn, of a ms of lag
+BOTH_WAYS = ("lag", "friction")  # kinds recorded in both directions, at two speeds
+COUNTS = (2**14, 2**22)  # counts per revolution of the input encoder and of the output encoder
+LIMITS = (0.97, 1.03)  # limits as shares of the true F'_ior
+PER_MS = 1.296e3 / RATIO  # arcsec s/rev; effect of a lag of 1 ms
 FINE = np.arange(RATIO * 240) / 240
 
 
 class Rig:
-    """A rig of a kind by its seed: its file, true F'_ior, amplitude of order 2, lost motion [arcsec] and lag [ms]."""
+    """A rig with a recording, given by its kind and its seed.
+
+    file: recording as text.
+    F_ior: true F'_ior [arcsec].
+    order_2: true amplitude of order 2 [arcsec].
+    play: true lost motion [arcsec].
+    lag: true lag of the output encoder [ms].
+    """
 
     def __init__(self, kind: str, seed: int) -> None:
         rng = self.rng = np.random.default_rng([KINDS.index(kind), seed])
@@ -46,13 +53,13 @@ class Rig:
         self.file = self.written()
 
     def oval(self, turns: Array) -> Array:
-        """Error [arcsec] of order 2 of the cam with its beats, at cam angles [turns]."""
+        """Return the error [arcsec] of order 2 of the input with its sidebands, at input angles [rev]."""
         cam, output, p, s = 2 * np.pi * turns, 2 * np.pi * turns / RATIO, self.phase, self.share
         beats = 1 + 0.5 * s[0] * np.cos(output + p[1]) + 0.2 * s[1] * np.cos(2 * output + p[2])
         return np.asarray(self.size * np.cos(2 * cam + p[0]) * beats)
 
     def error(self, turns: Array) -> Array:
-        """All of the error [arcsec] at cam angles [turns]."""
+        """Return the total error [arcsec] at input angles [rev]."""
         cam, output, p, s = 2 * np.pi * turns, 2 * np.pi * turns / RATIO, self.phase, self.share
         rest = 0.3 * s[2] * np.cos(cam + p[3] + 0.5 * s[3] * np.sin(output + p[4])) + 0.1 * s[4] * np.cos(
             4 * cam + p[5]
@@ -60,7 +67,7 @@ class Rig:
         return np.asarray(self.oval(turns) + self.size * (rest + s[5] * np.cos(output + p[6])))
 
     def noise(self, count: int) -> Array:
-        """Noise of readings [arcsec]."""
+        """Return the noise of readings [arcsec]; count: number of readings."""
         white = self.rng.standard_normal(count)
         if self.kind == "coloured noise":
             memory = self.rng.uniform(0.3, 0.9)
@@ -68,14 +75,14 @@ class Rig:
         return np.asarray(self.rng.choice([0.2, 0.6, 1.5]) * white)
 
     def written(self) -> str:
-        """Columns of time, cam and output, as text."""
+        """Return the columns of time, input angle and output angle as text."""
         parts, start, per_turn = [], 0.0, FEW_ROWS if self.kind == "few angles" else ROWS
         for speed in (1.0, 2.0) if self.kind in BOTH_WAYS else (1.0,):
             for way in (1, -1) if self.kind in BOTH_WAYS else (1,):
                 time = np.arange(1, RATIO * per_turn + 1) / per_turn / speed
                 first = 0.0 if way > 0 else float(RATIO)
                 turns = first + way * speed * time
-                if self.kind == "counts":  # no motor turns evenly
+                if self.kind == "counts":  # motors turn unevenly
                     turns += self.rng.uniform(-0.3, 0.3, len(turns)) / ROWS
                 late = turns + way * speed * self.lag / 1e3
                 lost = way * (self.play / 2 + self.rubs * speed)
@@ -96,7 +103,7 @@ class Rig:
 
 
 def counted(rig: Rig) -> Counter[str]:
-    """Quantities of a rig that its record states, those that it holds ("name held"), and wrong verdicts."""
+    """Return the counts of a rig: determined quantities, quantities within their interval ("NAME held"), verdicts."""
     units = ",".join(map(str, COUNTS)) if rig.kind == "counts" else None
     form = TraceForm(angle="cam_deg", second="output_deg", angle_unit=units)
     drift = "linear" if rig.kind == "drift" else "none"
@@ -117,13 +124,13 @@ def counted(rig: Rig) -> Counter[str]:
         unsure = 2 * lost.lost_motion_standard_uncertainty_arcsec
         count.update({"lost motion": 1, "lost motion held": abs(lost.lost_motion_arcsec - rig.play) <= unsure})
     if rig.kind in BOTH_WAYS and (lag := found.lag):
-        true = rig.lag - rig.rubs / PER_MS  # friction looks like that
+        true = rig.lag - rig.rubs / PER_MS  # friction has the same effect as a lag
         count.update({"lag": 1, "lag held": abs(lag.ms - true) <= 2 * lag.uncertainty_ms})
     return count
 
 
 def main(rigs: int) -> None:
-    """A row of a table for each kind."""
+    """Print a row of the table for each kind; rigs: number of rigs per kind."""
     names = ("F'_ior", "order 2", "lost motion", "lag")
     print(f"| kind | {' | '.join(names)} | false PASS | false FAIL | lower bounds | refused |")
     for kind in KINDS:

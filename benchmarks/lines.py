@@ -1,12 +1,14 @@
-"""Rigs with a line off the orders: `python -m benchmarks.lines [--rigs 200] [--jobs 2]`.
+"""Test of `measure` on rigs with a line between the orders: `python -m benchmarks.lines [--rigs 200] [--jobs 2]`.
 
-A row for each group of simulated rigs: how often the 95 % interval of `measure` holds the true F'_ior, how often the
-guard rule passes a drive that stands exactly at its limit, and what it costs. The error is a made-up one of orders and
-beats (ratio 30 and 100), or the solved cycle of a drive of the library; the line has 10 to 25 % of its range as
-amplitude, at 6.48, 12.96, 13, 14.02 or anywhere from 0.5 to 20 per turn of the cam that is 0.3 or more from the orders.
+Each group of simulated rigs gives a row: how often the 95 % interval of `measure` contains the true F'_ior, how often
+the guard band rule passes a drive exactly at its limit, and the width of the interval. The error consists of invented
+orders and sidebands (ratio 30 and 100), or is the solved cycle of a drive of the library. The amplitude of the line is
+10 to 25 % of the range of the error. Its order is 6.48, 12.96, 13, 14.02 or random up to 20 per input revolution, at
+least 0.3 from any order.
 
-True value: the range of the noiseless error over the angles recorded ("recorded"), and the greatest range of any
-cycle, the line's phase standing freely against the orders ("any cycle"): that of the orders and twice the amplitude.
+There are two true values: the range of the error without noise over the recorded angles ("recorded"), and the largest
+range in any cycle, in which the phase of the line relative to the orders is free ("any cycle"). The latter is the range
+of the orders plus twice the amplitude of the line.
 """
 
 from __future__ import annotations
@@ -25,17 +27,23 @@ from tests.helpers.rigs import drive_error, recorded, slow_noise
 
 SMALL = str(Path(__file__).parents[1] / "tests/data/small.yaml")
 OFF = (6.48, 12.96, 13.0, 14.02)
-APART = 0.3  # of a line from the orders, where it is drawn
-SHARE = (0.10, 0.25)  # of the drive's own range: amplitude of a line
-FINE = 480  # places in a turn at which the true error is looked at
+APART = 0.3  # smallest distance of a random line from the orders
+SHARE = (0.10, 0.25)  # amplitude of a line over the range of the drive: smallest and largest
+FINE = 480  # points per input revolution at which the true error is computed
 SOLVED = {"small": (SMALL, ["numerics.n_max=20", "numerics.n_2=40"], 4.0, 30), "vzp160": ("vzp160", [], 80.0, 100)}
 
 
 @dataclass(frozen=True)
 class Group:
-    """Rigs that are alike: curve, cam turns of a cycle, cycles recorded, noise [arcsec], its memory, lines, readings.
+    """Parameters of a group of rigs.
 
-    curve: "orders" for a made-up one, else a drive of SOLVED.
+    curve: "orders" for an invented error, or the name of a drive in SOLVED.
+    cycle: input revolutions of the full cycle.
+    cycles: number of recorded cycles.
+    noise: standard deviation of the noise [arcsec].
+    lines: number of lines between the orders.
+    memory: correlation of the noise of adjacent readings.
+    per_turn: readings per input revolution.
     """
 
     curve: str
@@ -66,7 +74,10 @@ GROUPS = (
 
 @cache
 def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
-    """The error of a drive over its full cycle, between its states by its own orders."""
+    """Return the function that interpolates the error of a drive over its full cycle [arcsec].
+
+    name: name in SOLVED.
+    """
     from hdassist import load_preset
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
@@ -81,7 +92,13 @@ def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
 
 @dataclass(frozen=True)
 class Rig:
-    """Cam angles [turns] and readings [arcsec] of a rig; true values [arcsec] as recorded and of any cycle."""
+    """A rig with its recording.
+
+    turns: input angles [rev].
+    error: readings [arcsec].
+    recorded: true range over the recorded angles [arcsec].
+    any_cycle: largest true range in any cycle [arcsec].
+    """
 
     turns: np.ndarray
     error: np.ndarray
@@ -90,7 +107,7 @@ class Rig:
 
 
 def rig(group: Group, seed: int) -> Rig:
-    """One rig of a group."""
+    """Return a rig of a group, given by its seed."""
     rng = np.random.default_rng([seed, group.cycle])
     made_up = group.curve == "orders"
     own = drive_error(rng, group.cycle, scale=rng.choice([1.5, 5.0])) if made_up else solved(group.curve)
@@ -109,7 +126,13 @@ def rig(group: Group, seed: int) -> Rig:
 
 
 def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
-    """What the tool says of a rig: truths, value, interval, verdicts at both truths; None where it refuses."""
+    """Return the results of a rig; None if `measure` refuses the recording.
+
+    They are the true range over the recorded angles and in any cycle, F'_ior, both ends of its interval [arcsec],
+    whether a limit at each true range passes, whether a limit at the first one fails, and the number of found lines.
+
+    task: group and seed of the rig.
+    """
     from hdassist.acceptance.decision import AcceptedValue, decide
     from hdassist.acceptance.limits import Limit
     from hdassist.errors import HdassistError
@@ -133,7 +156,7 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
 
 
 def row(found: list[tuple[float, ...] | None]) -> dict[str, float]:
-    """Shares of a group in percent, and medians in percent of the true value."""
+    """Return the shares of a group in per cent, and medians in per cent of the true value."""
     kept = np.array([one for one in found if one is not None])
     true, every, value, low, high, passes, passes_any, fails, lines = kept.T
     return {

@@ -1,4 +1,4 @@
-"""What numbers were measured on, and how seconds are counted."""
+"""Description of the machine of a measurement, and measurement of processor time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ VERSIONS = ("hdassist", "cvxpy", "daqp", "clarabel", "numpy", "scipy")
 
 
 def machine() -> dict[str, str | int | float]:
-    """The machine and the versions at work; load: processes that ran when the measurements began."""
+    """Return a description of the machine, the versions of packages, and the load at the start of the measurements."""
     return {
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)),
@@ -31,7 +31,7 @@ def _processor() -> str:
 
 
 def seconds(work: Callable[[], object], rounds: int) -> float:
-    """Median of the processor time that some work takes on one thread [s], after a round that is not counted."""
+    """Return the median processor time of some work on one thread [s]; a first round is not counted."""
     work()
     times = []
     for _ in range(rounds):

@@ -1,8 +1,9 @@
-"""How drives of a preset differ over the seat where stiffness differs: `python -m benchmarks.misfit [PRESET] [M_G]`.
+"""Misfit of F'_ior over the positions by different stiffnesses: `python -m benchmarks.misfit [PRESET] [M_G]`.
 
-Deviations are the same, all else is drawn. Of each two curves of F'_ior over 24 positions one is scaled and turned (by
-two positions at most) until they differ least. The rest is by how much, and how smoothly, a drive differs from the
-nearest of a preset: MISFITS and LENGTH of belief/evidence.py stand for it.
+Drives of a preset have the same deviations, and all other inputs are sampled. For each pair of drives, one curve of
+F'_ior over 24 positions is scaled and turned (by up to two positions) until the difference is smallest. The remaining
+difference shows the size and the smoothness of the misfit of a drive to its nearest drive of the preset. MISFITS and
+LENGTH in belief/evidence.py represent it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,11 @@ POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
 
 
 def curves(name: str, M_g: float) -> Array:
-    """F'_ior [arcsec] of draws, shape (systems, deviations, positions)."""
+    """Return F'_ior of samples [arcsec], shape (systems, deviations, positions).
+
+    name: name of the preset.
+    M_g: torque [N*m].
+    """
     from hdassist import load_preset
     from hdassist.belief.draws import meshing_shift
     from hdassist.belief.prior import RIGID_SHIFT
@@ -44,7 +49,7 @@ def curves(name: str, M_g: float) -> Array:
 
 
 def main() -> None:
-    """Print sizes of differences and their waves over the seat beside those of the kernel."""
+    """Print the sizes of the differences, and their waves over the positions compared with those of the kernel."""
     from hdassist.belief.evidence import LENGTH
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -1,8 +1,9 @@
-"""Options of check against the edited preset: `python -m benchmarks.options [--seeds 0,1] [--drives csf25,open]`.
+"""Options of check compared with the edited preset: `python -m benchmarks.options [--seeds 0,1] [--drives csf25,open]`.
 
-Each option and each answer to a question that is an edit of the preset is carried out: a second `hdassist check` has
-the edit as --set and the same seed. Printed are the probability before, that of the option with its interval and that
-of the edited preset, then bias and root mean square of the difference by kind, in points.
+Each option, and each reply to a question, that is an edit of the preset is carried out: a second `hdassist check` with
+the same seed gets the edit by --set. A line gives the probability before the edit, the probability of the option with
+its interval, and the probability of the edited preset. The summary gives the bias and the root mean square of the
+difference by kind of option, in percentage points.
 """
 
 from __future__ import annotations
@@ -18,21 +19,26 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-# the probability of the edited preset takes no options of its own, which are most of the time of a check
+# options take most of the time of a check, and the edited preset does not need them
 WITHOUT_OPTIONS = """
 from hdassist.design import DesignCheck
 DesignCheck.with_steps = lambda self, run: self
 from hdassist.cli import run_command_line
 run_command_line()
 """
-ANSWERED = (0, 3, 6)  # exit codes of a check with an answer
+ANSWERED = (0, 3, 6)  # exit codes of a check with a result
 SHEET = ("--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "--stiffness", "3.1e4,5.0e4,5.7e4")
 ACCURATE = (*SHEET, "--lost-motion", "60", "--accuracy", "60")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A drive: its preset, or the arguments of `presets new` that make it, and limits of F'_ior [arcsec]."""
+    """A drive with limits.
+
+    name: name of the drive or of its preset.
+    limits: limits of F'_ior [arcsec].
+    made_by: arguments of `presets new` that make the preset, empty for a preset of the library.
+    """
 
     name: str
     limits: tuple[float, ...]
@@ -51,10 +57,14 @@ CASES = (
 
 @dataclass(frozen=True)
 class Compared:
-    """An option beside the edited preset: kind, what it is of, and the probability of meeting the limit.
+    """Probabilities of meeting the limit, for an option and for the edited preset.
 
-    before: without the option; option, low, high: as check states it with its interval; edited: that of the edited
-    preset.
+    kind: kind of the option.
+    of: field, or reply to a question.
+    before: probability without the option.
+    option: probability with the option, as check states it.
+    low, high: ends of its interval.
+    edited: probability of the edited preset.
     """
 
     kind: str
@@ -67,7 +77,13 @@ class Compared:
 
 
 def checked(preset: str, options: Sequence[str], folder: str, *, with_options: bool) -> dict[str, Any] | None:
-    """Return the JSON of a check; None if it has no answer."""
+    """Return the JSON result of a check; None if it has no result.
+
+    preset: preset of the check.
+    options: further arguments.
+    folder: working folder.
+    with_options: whether check computes options.
+    """
     program = ["-m", "hdassist"] if with_options else ["-c", WITHOUT_OPTIONS]
     command = [sys.executable, *program, "check", preset, *options, "--json"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -78,7 +94,7 @@ def checked(preset: str, options: Sequence[str], folder: str, *, with_options: b
 
 
 def compared(preset: str, limit: float, seed: int, most: int, folder: str) -> Iterator[Compared]:
-    """Yield the first options of a check, `most` at most, beside the edited presets."""
+    """Yield the first options of a check with the results of the edited presets; most: largest number of options."""
     options = ["--limit", f"{limit:g}", "--seed", str(seed)]
     answer = checked(preset, options, folder, with_options=True)
     if answer is None:
@@ -107,14 +123,14 @@ def compared(preset: str, limit: float, seed: int, most: int, folder: str) -> It
 
 
 def probability(answer: dict[str, Any], M_g: float) -> float | None:
-    """Return the probability that the limit is met at a torque [N*m]; None without one."""
+    """Return the probability of meeting the limit at a torque M_g [N*m]; None if the result does not have it."""
     [point] = [point for point in answer["operating_points"] if point["M_g_Nm"] == M_g]
     found = point["belief"] and point["belief"]["probability"]
     return None if found is None else float(found)
 
 
 def summary(rows: Sequence[Compared]) -> str:
-    """Return number, bias, root mean square and share within the interval, in points, by kind and of all options."""
+    """Return the table of number, bias and rms [percentage points], and share within the interval, by kind."""
     by_kind = defaultdict(list)
     for row in rows:
         by_kind[row.kind].append(row)
@@ -130,7 +146,7 @@ def summary(rows: Sequence[Compared]) -> str:
 
 
 def main() -> None:
-    """Compare, print each option as it is known, and the summary."""
+    """Print each option as soon as it is compared, and then the summary."""
     reader = argparse.ArgumentParser(
         prog="python -m benchmarks.options", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

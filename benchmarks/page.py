@@ -1,4 +1,4 @@
-"""docs/performance.md: the numbers of a run between the texts of words.py."""
+"""The page docs/performance.md, made from the numbers of a run and the texts of words.py."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PAGE = Path(__file__).parents[1] / "docs/performance.md"
 
 
 def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
-    """The page as text; first: the run before, whose numbers stand beside those of this one."""
+    """Return the text of the page; first: previous run, whose numbers are shown for comparison, None without one."""
     targets = list(rows(measured))
     before = {row.key + _name(row): row for row in rows(first)} if first else {}
     parts = [
@@ -84,7 +84,7 @@ def _target(row: Row) -> tuple[str, ...]:
 
 
 def _name(row: Row) -> str:
-    """The work of a row without what was measured of it, in brackets."""
+    """Return the work of a row without the measured numbers in brackets."""
     return re.sub(r" \([^()]*\)", "", row.work)
 
 

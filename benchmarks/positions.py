@@ -1,11 +1,12 @@
-"""Tests at positions held to account on drives that no belief can represent: `python -m benchmarks.positions --n 300`.
+"""Tests at positions on drives that no samples can represent: `python -m benchmarks.positions --n 300`.
 
-Each hidden drive of benchmarks/honesty.py is solved over its full cycle and tested at positions, at the states nearest
-to them, from a random angle, against a limit around its true F'_ior. Of some of them the plan is asked beforehand, with
-no more known than their preset, whether the share that twelve positions then see lies within its 5 to 95 %.
+Each hidden drive of benchmarks/honesty.py is solved over its full cycle. It is tested at the states nearest to the
+positions, from a random angle, against a limit around its true F'_ior. For some drives, `plan` predicts from the preset
+alone the share of F'_ior that twelve positions capture. The study counts how often the true share lies within the
+predicted 5th and 95th percentile.
 
-`--accepted 40`: the file of a plan is filled in for so many drives of one preset, whose teeth no belief has, and given
-to the decision of `accept`; verdicts at limits around the true F'_ior that are wrong are counted.
+With `--accepted 40`, the file of a plan is filled in for this number of drives of one preset, with teeth that no
+samples have, and decided as by `accept`. Wrong verdicts at limits around the true F'_ior are counted.
 """
 
 from __future__ import annotations
@@ -24,18 +25,22 @@ import numpy as np
 from benchmarks.honesty import drawn_values, hidden_drive, rough_teeth
 
 POSITIONS = (12, 24, 36, 72, 127, 211, 360)
-RECORDS = (1, 10, 0)  # cam turns; 0: an output turn
+RECORDS = (1, 10, 0)  # input revolutions of a recording; 0: one output revolution
 NEAR = 0.2  # standard deviation of the logarithm of a limit around the true F'_ior
-STARTS = 16  # of each test of a drive
-PLANNED = 36  # positions of a plan that is carried out, both ways, twice
-SCATTER, GRADUATION = 0.3, 1.0  # arcsec, of its readings: rms, and amplitude of the encoder's waves
+STARTS = 16  # random start angles of each test of a drive
+PLANNED = 36  # positions of a plan that is carried out, twice from both sides
+SCATTER, GRADUATION = 0.3, 1.0  # arcsec; rms scatter of readings, and amplitude of the encoder error
 
 
 @dataclass(frozen=True)
 class Tested:
-    """A hidden drive: ratio, true F'_ior and limit [arcsec], share that each test sees from each start, by its name.
+    """Tests of a hidden drive.
 
-    planned: 5 and 95 % of the share at twelve positions as the plan had them, empty where it was not asked.
+    ratio: ratio of the drive.
+    F_ior: true F'_ior [arcsec].
+    limit: limit of F'_ior [arcsec].
+    seen: share of F'_ior that each test captures, by name, shape (starts,).
+    planned: predicted 5th and 95th percentile of the share at twelve positions, empty without a prediction.
     """
 
     ratio: float
@@ -46,7 +51,13 @@ class Tested:
 
 
 def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
-    """The tests of a hidden drive, by its number; of the first so many asked the plan too."""
+    """Return the tests of a hidden drive.
+
+    number: number of the drive.
+    seed: seed of all drives.
+    asked: number of the first drives for which a plan is computed.
+    draws: effective sample size of a plan.
+    """
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import UntrustedError
     from hdassist.model.geometry import Kinematics
@@ -58,7 +69,7 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     M_g = preset.operation.M_g[0]
     found = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED)
     error, F_ior, kinematics = found.error_arcsec, found.F_ior_arcsec, Kinematics.of(preset)
-    turn = kinematics.teeth_fixed * abs(kinematics.u)  # states in an output turn
+    turn = kinematics.teeth_fixed * abs(kinematics.u)  # states per output revolution
     tests = {f"{N} positions": np.arange(N) * turn / N for N in POSITIONS}
     tests |= {
         f"record of {f'{turns} cam turns' if turns else 'an output turn'}": np.arange(
@@ -73,13 +84,13 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     }
     planned: tuple[float, ...] = ()
     if number < asked:
-        with suppress(UntrustedError):  # too few draws agree with the catalogue
+        with suppress(UntrustedError):  # too few samples agree with the catalogue
             planned = choose_plan(preset, draws=draws, run=Run(seed=number)).judged[0].seen[::2]
     return Tested(abs(kinematics.u), F_ior, F_ior * np.exp(NEAR * rng.standard_normal()), seen, planned)
 
 
 def rows(drives: list[Tested]) -> Iterator[str]:
-    """Rows of a table: share seen by each test, and how many drives that are beyond their limit it passes."""
+    """Yield the rows of a table: captured share for each test, and share of passed drives beyond their limit."""
     beyond = [each for each in drives if each.F_ior > each.limit]
     for name in drives[0].seen:
         low, middle, high = np.quantile(np.concatenate([each.seen[name] for each in drives]), (0.05, 0.5, 0.95))
@@ -88,13 +99,24 @@ def rows(drives: list[Tested]) -> Iterator[str]:
 
 
 def reading(error: np.ndarray, turn: float, start: int, phase: float, rng: np.random.Generator, target: float) -> float:
-    """What an encoder reads at a target [deg], actual less target [arcsec], of a drive that began at a state."""
+    """Return the reading of an encoder, actual minus target angle [arcsec].
+
+    error: error of the drive over the cycle [arcsec].
+    turn: number of states per output revolution.
+    start: index of the state at angle 0.
+    phase: phase of the encoder error [rad].
+    rng: random generator of the scatter.
+    target: target angle [deg].
+    """
     off = -error[round(start + target / 360 * turn) % len(error)] + SCATTER * rng.standard_normal()
     return float(off + GRADUATION * np.cos(np.radians(3 * target) + phase))
 
 
 def filled_in(file: str, off: Callable[[float], float]) -> str:
-    """The file of a plan with the angle that was read behind each last comma."""
+    """Return the file of a plan with the actual angle after the last comma of each row.
+
+    off: function that returns the reading minus the target angle [arcsec].
+    """
     rows = []
     for line in file.split("\n"):
         if line.endswith(",") and not line.startswith("#"):
@@ -105,7 +127,12 @@ def filled_in(file: str, off: Callable[[float], float]) -> str:
 
 
 def accepted(number: int, draws: int, seed: int) -> Counter[str]:
-    """Verdicts, by `accept` and the truth, of drives of one preset by the file of a plan that was carried out."""
+    """Return the counts of verdicts of `accept`, by verdict and truth, on drives of one preset tested by a plan.
+
+    number: number of drives.
+    draws: effective sample size of the plan.
+    seed: seed of the drives.
+    """
     from hdassist.acceptance.decision import AcceptedValue, decide
     from hdassist.acceptance.limits import Limit
     from hdassist.belief.prior import prior_of
@@ -129,7 +156,7 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
         preset, asked, demands=PlanDemands(noise_arcsec=unsure), test=how, draws=draws, run=Run(seed=seed)
     )
     file, M_g, kinematics = approach_csv(choice), choice.M_g, Kinematics.of(preset)
-    # what it prints is all that this study gives: the plan, a line a drive so that a stopped run tells what it has
+    # the plan and one line per drive are printed at once, so a stopped run has shown its results
     print(f"{preset.name} at {M_g:g} N m sees {choice.test.judged.seen}", flush=True)
     verdicts: Counter[str] = Counter()
     for k in range(number):
@@ -138,7 +165,7 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
         while first_conflict(there) is not None:
             there = preset.with_values(drawn_values(prior_of(preset), rng, {}))
         found = kinematic_error(there, M_g, teeth=rough_teeth(there, rng), run=UNCHECKED)
-        error, turn = found.error_arcsec, kinematics.teeth_fixed * abs(kinematics.u)  # states in an output turn
+        error, turn = found.error_arcsec, kinematics.teeth_fixed * abs(kinematics.u)  # turn: states per revolution
         off = partial(reading, error, turn, int(rng.integers(len(error))), rng.uniform(0, 2 * np.pi), rng)
         record = bench_record(read_numbers(filled_in(file, off).encode()))
         assert isinstance(record, PositionRecord)
@@ -155,7 +182,7 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
 
 
 def main() -> None:
-    """Test drives, and print what each test sees and passes."""
+    """Test drives, and print the share that each test captures and the share of drives that it passes wrongly."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=300, help="hidden drives")
     parser.add_argument("--planned", type=int, default=0, help="of them, those that the plan is asked about")
@@ -165,7 +192,7 @@ def main() -> None:
     parser.add_argument("--accepted", type=int, default=0, help="drives that are accepted by the file of a plan")
     args = parser.parse_args()
     if args.accepted:
-        print(dict(accepted(args.accepted, args.draws, args.seed)))  # the counts, for docs/plan.md
+        print(dict(accepted(args.accepted, args.draws, args.seed)))  # counts for docs/plan.md
         return
     one = partial(tested, seed=args.seed, asked=args.planned, draws=args.draws)
     with ProcessPoolExecutor(args.jobs) as pool:

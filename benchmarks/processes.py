@@ -1,4 +1,4 @@
-"""Whole processes as users start them: processor time over that of an import, seconds on the clock, and memory."""
+"""Complete processes as users start them: processor time relative to an import, elapsed time, and memory."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-EVERY = 0.2  # s between two looks at the memory
-ANSWERS = (0, 3, 6)  # exit codes of a command that has its answer
+EVERY = 0.2  # s; interval between two readings of the memory
+ANSWERS = (0, 3, 6)  # exit codes of a command with a result
 CONTROL = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 @dataclass(frozen=True)
 class Process:
-    """One command: its arguments and how often it runs.
+    """A command to measure.
 
-    over: the other process, and the most times its processor time that this one should take; python: arguments of
-    Python instead of hdassist; after: commands on the same drive that have run before, whose answers are kept.
+    arguments: arguments of the command.
+    runs: number of runs.
+    over: process to compare with, and the largest allowed ratio of the processor times.
+    python: whether the arguments are those of Python instead of hdassist.
+    after: commands on the same drive that have run before, whose results are cached.
     """
 
     arguments: tuple[str, ...]
@@ -45,7 +48,7 @@ class Process:
         return [sys.executable, *(() if self.python else ("-m", "hdassist")), *self.arguments]
 
 
-NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.yaml")  # a data-sheet preset
+NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.yaml")  # data-sheet preset
 THREE, FOUR = ("h0=20.2", "h3=24.1", "h6=31.5"), ("h0=20.2", "h3=24.1", "h6=31.5", "h9=27.6")
 TERMINAL = Process(("-c", "import typer, rich"), 7, python=True)
 IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
@@ -75,11 +78,11 @@ PROCESSES = (
     Process(("stiffness", "vzp160"), 5, (IMPORT, 1.6)),
 )
 WORDS_FIRST = (CHECK, MOUNT, TRIALS, REPORT, TOLERANCE, SENSITIVITY)
-LONG = ("tolerance", "sensitivity")  # once in a quick run
+LONG = ("tolerance", "sensitivity")  # commands that run only once in a quick run
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Medians of every process, in a folder that holds a preset of a data sheet; quick: fewer runs."""
+    """Return the medians for every process, in a folder with a preset from a data sheet; quick: fewer runs."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(Process(NEW, 1).call, cwd=folder, check=True, capture_output=True)
         runs = [measured(p, (1 if p.arguments[0] in LONG else 2) if quick else p.runs, folder) for p in PROCESSES]
@@ -90,7 +93,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def _first_words(process: Process, folder: str) -> float:
-    """Seconds of processor time until a command shows words on a terminal, not controls of it alone."""
+    """Return the processor time until a command shows text on a terminal [s]; control sequences do not count."""
     ours, theirs = pty.openpty()
     environment = os.environ | {"TERM": "xterm"}
     child = subprocess.Popen(
@@ -100,7 +103,7 @@ def _first_words(process: Process, folder: str) -> float:
     shown = b""
     while not CONTROL.sub(b"", shown).strip():
         shown += os.read(ours, 4096)
-    child.terminate()  # which takes its workers along
+    child.terminate()  # its workers end with it
     _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     os.close(ours)
@@ -108,7 +111,12 @@ def _first_words(process: Process, folder: str) -> float:
 
 
 def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
-    """Medians of runs in a folder; over: words of the other process, and the most times its processor time."""
+    """Return the medians of the runs of a process.
+
+    process: command to measure.
+    runs: number of runs.
+    folder: working folder.
+    """
     found = [
         _run(process, folder, os.environ) if not process.after else _run_after(process, folder) for _ in range(runs)
     ]
@@ -124,7 +132,7 @@ def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
 
 
 def _run_after(process: Process, folder: str) -> dict[str, float]:
-    """One run with what the commands before it have kept in a cache of their own."""
+    """Run a process after its preceding commands, with a cache of its own, and return the measurements."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {name: text for name, text in os.environ.items() if name != "HDASSIST_NO_CACHE"}
         environment["HDASSIST_CACHE"] = cache
@@ -134,11 +142,11 @@ def _run_after(process: Process, folder: str) -> dict[str, float]:
 
 
 def _run(process: Process, folder: str, environment: Mapping[str, str]) -> dict[str, float]:
-    """One run: seconds on the clock, those of the processors (workers included), and memory.
+    """Run a process, and return the elapsed time s [s], the processor time with workers [s], and the memory.
 
-    one_process_MB: the greatest resident set of any one process of the command, as the kernel kept it (ru_maxrss);
-    all_processes_MB: the greatest sum over the command and its workers, looked at EVERY so often, pages that
-    processes share counted once (PSS); at least what one process had.
+    one_process_MB is the largest resident set of any process of the command, as recorded by the kernel (ru_maxrss).
+    all_processes_MB is the largest sum over the command and its workers, read at intervals of EVERY. It counts shared
+    pages once (PSS), and is at least one_process_MB.
     """
     begun = time.perf_counter()
     silent = subprocess.DEVNULL
@@ -170,7 +178,7 @@ def _watch(pid: int, sums: list[float], ended: threading.Event) -> None:
 def _family(pid: int) -> list[int]:
     try:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-    except OSError:  # it has ended
+    except OSError:  # the process has ended
         return []
     return [pid, *(one for child in children for one in _family(int(child)))]
 

@@ -1,7 +1,8 @@
-"""What proposed extremes miss of every state, and the time of both: `python -m benchmarks.proposals --n 1000`.
+"""Error of the extremes found by proposals, and their time: `python -m benchmarks.proposals --n 1000`.
 
-Drives: all presets; hard cases, `vzp160` with cam offsets from none to large where its wheel has the least and the
-greatest error; random ones (tests/helpers/searched_drives.py), light, heavy and of any torque.
+The extremes are compared with those of all states. The drives are all presets; hard cases, which are `vzp160` with
+eccentricities from none to large and its wheel in the positions of the smallest and the largest error; and random
+drives (tests/helpers/searched_drives.py) with light, heavy and random torques.
 """
 
 from __future__ import annotations
@@ -19,16 +20,21 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hdassist import Drive
 
-KINDS = ("light", "heavy", "any")  # of tests/helpers/searched_drives.py
-OFFSETS = (0.0, 80.0, 120.0)  # um, of the cam offset that stands still
-HOLES = 24  # positions among which the extreme ones are looked for
-RANDOM = 70  # drives of each kind
-FAR = 0.01  # arcsec: a miss that is counted
+KINDS = ("light", "heavy", "any")  # kinds of tests/helpers/searched_drives.py
+OFFSETS = (0.0, 80.0, 120.0)  # um; housing-fixed eccentricities
+HOLES = 24  # positions among which those of the smallest and the largest error are found
+RANDOM = 70  # random drives of each kind
+FAR = 0.01  # arcsec; differences above this value are counted
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A drive by every state, and by proposals: F'_ior [arcsec], states solved, processor time [s]."""
+    """Results for a drive from all states and from proposals, in this order.
+
+    F_ior: F'_ior [arcsec].
+    states: number of solved states.
+    seconds: processor time [s].
+    """
 
     F_ior: tuple[float, float]
     states: tuple[int, int]
@@ -36,12 +42,15 @@ class Compared:
 
     @property
     def missed(self) -> float:
-        """Greatest difference of both [arcsec]."""
+        """The difference between both results [arcsec]."""
         return abs(self.F_ior[0] - self.F_ior[1])
 
 
 def compared(case: tuple[Drive, float]) -> Compared | None:
-    """Compare both ways of a drive at a torque [N*m]; None where its answer is outside the limits of the model."""
+    """Compare both ways for a drive; None if its result is outside the limits of the model.
+
+    case: drive and torque [N*m].
+    """
     from hdassist.error.error_map import Batch, ErrorMap
     from hdassist.error.extremes import many_extremes
     from hdassist.errors import UntrustedError
@@ -59,7 +68,7 @@ def compared(case: tuple[Drive, float]) -> Compared | None:
 
 
 def cases(random: int) -> dict[str, list[tuple[Drive, float]]]:
-    """Drives with their torques [N*m], by group."""
+    """Return drives with their torques [N*m], by group; random: number of random drives of each kind."""
     from hdassist import load_preset, preset_names
     from tests.helpers.searched_drives import searched_drive
 
@@ -83,7 +92,7 @@ def _hard(drive: Drive) -> Iterator[tuple[Drive, float]]:
 
 
 def measure(quick: bool, random: int = RANDOM) -> list[dict[str, Any]]:
-    """What proposals miss [arcsec], states [1] and processor time [ms] of both, by group of drives."""
+    """Return the errors of proposals [arcsec], and the states and processor time [ms] of both ways, by group."""
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         return [
             _summary(name, [row for row in executor.map(compared, group) if row])
@@ -107,12 +116,12 @@ def _summary(group: str, rows: list[Compared]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Compare, and print a line for each group."""
+    """Compare both ways, and print a line for each group."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("--n", type=int, default=1000, help="random drives of each kind")
     reader.add_argument("--quick", action="store_true", help="five of each kind")
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # set before numpy is loaded
     for row in measure(options.quick, options.n):
         print(", ".join(f"{name} {value}" for name, value in row.items()))
 

@@ -1,6 +1,7 @@
-"""Screens of README and docs as a terminal has them, and the report: `python -m benchmarks.readme_pictures [NAME...]`.
+"""Pictures of terminal screens and of the report for README and docs: `python -m benchmarks.readme_pictures [NAME...]`.
 
-Each is light or dark as the reader's screen is. tests/explorer/test_pictures.py holds them to what the commands print.
+Their colours follow the light or dark scheme of the reader. tests/explorer/test_pictures.py compares them with the
+output of the commands.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from rich.text import Text
 from hdassist.explorer.app import without_fonts
 
 PICTURES = Path(__file__).parents[1] / "docs/pictures"
-SCREENS = {  # by the name of the picture
+SCREENS = {  # commands by name of the picture
     name: f"hdassist {arguments}"
     for name, arguments in {
         "check": "check vzp160", "mount": "mount vzp160", "tolerance": "tolerance vzp160 --limit 30",
@@ -33,14 +34,14 @@ SCREENS = {  # by the name of the picture
     }.items()
 }  # fmt: skip
 REPORT = "hdassist report vzp160 -o vzp160.html"
-_REPORT_SIZE = 1000, 770  # pixels: the width of its page; down to the end of its first figures, in any usual font
+_REPORT_SIZE = 1000, 770  # px; width of the page, and height that shows the first figures in usual fonts
 COLOURS = ("#24292e", "#b31d28", "#22863a", "#9a6700", "#0366d6", "#5a32a3", "#1b7c83", "#57606a")  # readable on white
 LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), [Color.parse(c).get_truecolor() for c in COLOURS])
 COLUMNS = 80
 
 
 def main() -> None:
-    """Write the pictures that are named, or all."""
+    """Write the named pictures, or all pictures if none is named."""
     for name in sys.argv[1:] or [*SCREENS, "report"]:
         with TemporaryDirectory() as folder:
             if name == "report":
@@ -53,7 +54,11 @@ def main() -> None:
 
 
 def write_input(name: str, folder: str | Path) -> None:
-    """Make the record or the lot that a command reads as the examples of its page do."""
+    """Write the recording or the lot that a command reads, as in the examples of its page.
+
+    name: name of the picture.
+    folder: working folder.
+    """
     docs = PICTURES.parent
     if name == "accept":
         lot = (docs / "accept.md").read_text("utf-8").partition("cat > lot.csv <<'END'\n")[2]
@@ -65,7 +70,7 @@ def write_input(name: str, folder: str | Path) -> None:
 
 
 def on_terminal(command: str, folder: str | Path) -> str:
-    """What a command writes to a terminal of COLUMNS, with its colours."""
+    """Return the output of a command on a terminal of COLUMNS, with its colours."""
     ours, theirs = pty.openpty()
     named = {"COLUMNS": str(COLUMNS), "TERM": "xterm-256color", "PYTHONPATH": str(PICTURES.parents[1])}
     process = subprocess.Popen(
@@ -87,11 +92,16 @@ def on_terminal(command: str, folder: str | Path) -> str:
 
 
 def drawn(name: str, answer: str) -> str:
-    """One SVG of a command and its answer, with the colours of a dark terminal where the reader's screen is dark."""
+    """Return the SVG of a command and its output, with the colours of a dark terminal for dark screens.
+
+    name: name of the picture.
+    answer: output of the command.
+    """
     console = Console(record=True, width=COLUMNS, file=io.StringIO(), highlight=False, force_terminal=True)
     console.print(Text(f"$ {SCREENS[name]}\n", style="bold"))
     page = Text.from_ansi(answer.rstrip())
-    page.highlight_regex("[\u2800-\u28ff]+", "default")  # apart, as few fonts have dots as wide as letters
+    # dots get spans of their own, because in most fonts they are not as wide as letters
+    page.highlight_regex("[\u2800-\u28ff]+", "default")
     console.print(page)
     light, dark = (
         without_fonts(console.export_svg(title="hdassist", theme=theme, unique_id=name, clear=False))
@@ -108,9 +118,9 @@ def drawn(name: str, answer: str) -> str:
 
 
 def first_figures(page: str) -> str:
-    """One SVG of a report down to its first figures: the page itself, as browsers draw it inside of a drawing."""
+    """Return the SVG of a report down to its first figures, which embeds the page itself."""
     width, height = _REPORT_SIZE
-    style = page.partition("<style>")[2].partition("</style>")[0].partition("@media (max-width")[0]  # of one width
+    style = page.partition("<style>")[2].partition("</style>")[0].partition("@media (max-width")[0]  # for one width
     body = page.partition("<body>")[2].partition('<div class="rest">')[0]
     return f"""<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"
  style="width: {width}px; height: {height}px; overflow: hidden; background: var(--paper)"><style>{style}</style>

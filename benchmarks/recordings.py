@@ -1,22 +1,22 @@
-"""Coverage of the interval of F'_ior, and verdicts, of hdassist.recording on recordings that are made without it.
+"""Coverage of the interval of F'_ior, and verdicts, of hdassist.recording on independently made recordings.
 
 python -m benchmarks.recordings --n 40 --solved 10
 
-Each drive of `--n` is a sum of cosines with random sizes: orders 1 to 16 of the input, sidebands up to 8 on either
-side, waves of the output. Half of them have the sizes of typical drives, half are spectra of no drive (every order
-equally likely, sidebands as large as the order, a line off the orders in every third, a square wave in every fourth). A
-recording covers the whole cycle, the whole cycle in 2 to 4 sweeps with levels of their own, or 12 to 95 % of the cycle;
-it has 20 to 200 readings a revolution at even or uneven angles, in steps of an encoder or not, white noise or noise
-with a memory, and a drift that may be bent. The truth is the range of the drive's own error on a fine grid of the
-recorded cycle. A line off the orders comes back with another phase in the next cycle: PASS is judged by the recorded
-cycle, FAIL by the one in which the line adds most, and the interval may end in between.
+Each drive of `--n` is a sum of cosines with random sizes: orders 1 to 16 of the input, up to 8 sidebands on each side,
+and waves of the output. Half of the drives have the sizes of typical drives. The others have spectra of no real drive:
+every order is equally probable, sidebands are as large as the order, every third has a line between the orders, and
+every fourth has a square wave. A recording covers the whole cycle, the whole cycle in 2 to 4 sweeps with separate
+levels, or 12 to 95 % of the cycle. It has 20 to 200 readings per revolution at even or uneven angles, with or without
+encoder steps, white or correlated noise, and a linear or curved drift. The truth is the range of the error of the drive
+on a fine grid of the recorded cycle. A line between the orders has another phase in the next cycle. A PASS is therefore
+judged by the recorded cycle, a FAIL by the cycle with the largest range, and the interval may end between these ranges.
 
-`--measure`: the recordings are files, and `accept` decides, with a budget of 0. Those of the whole cycle and of parts
-have lost rows, single readings far off and a step of the level in every fourth, which `measure` cleans. The interval is
+With `--measure`, the recordings are files, and `accept` decides with a budget of 0. Recordings of the whole cycle and
+of parts have lost rows, outliers and, in every fourth, a step of the level, which `measure` corrects. The interval is
 that of `measure`.
 
-`--solved`: so many hidden drives of benchmarks/honesty.py, solved over the full cycle, are recorded four times each:
-the whole cycle, split, and twice a part of it.
+With `--solved`, this number of hidden drives of benchmarks/honesty.py is solved over the full cycle. Each is recorded
+four times: the whole cycle, the split cycle, and two parts.
 """
 
 from __future__ import annotations
@@ -42,15 +42,20 @@ from hdassist.recording.figures import RangeFigure, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
 
-LIMITS = (0.9, 0.97, 1.03, 1.1)  # of the truth
-FINE = 400  # points of the truth an input revolution
+LIMITS = (0.9, 0.97, 1.03, 1.1)  # limits as shares of the true range
+FINE = 400  # points per input revolution at which the true error is computed
 
 
 @dataclass(frozen=True)
 class MadeDrive:
-    """Waves of a drive: periods per cycle of the input and the output, sizes [arcsec] and phases.
+    """Invented drive, given by its waves.
 
-    line: periods per input revolution and size of a line off the orders; square: order and size of a square wave.
+    ratio: input revolutions per output revolution.
+    orders, sidebands: periods of each wave per input revolution and per output revolution, shape (waves,).
+    sizes: amplitudes [arcsec], shape (waves,).
+    phases: phases [rad], shape (waves,).
+    line: periods per input revolution and amplitude of a line between the orders.
+    square: order and size of a square wave.
     """
 
     ratio: int
@@ -77,7 +82,7 @@ class MadeDrive:
 
 
 def made_drive(rng: np.random.Generator, is_typical: bool) -> MadeDrive:
-    """A drive with the sizes of typical ones, or a spectrum that is no drive's."""
+    """Return an invented drive; is_typical: whether its waves have typical sizes, or a spectrum of no real drive."""
     ratio = int(rng.choice([30, 50, 80, 100, 120]))
     waves = []
     line, square = (1.0, 0.0), (2, 0.0)
@@ -109,7 +114,11 @@ def made_drive(rng: np.random.Generator, is_typical: bool) -> MadeDrive:
 
 @dataclass(frozen=True)
 class SolvedDrive:
-    """A solved drive: ratio and error at even angles of the full cycle [arcsec]."""
+    """Solved drive.
+
+    ratio: input revolutions per output revolution.
+    cycle: error at even angles of the full cycle [arcsec], shape (states,).
+    """
 
     ratio: int
     cycle: Array
@@ -124,7 +133,7 @@ class SolvedDrive:
 
 
 def made_recording(rng: np.random.Generator, drive: MadeDrive | SolvedDrive, kind: str) -> Recording:
-    """A recording of a drive: whole, split or part."""
+    """Return a recording of a drive; kind: whole, split or part."""
     per_rev = rng.uniform(20, min(200, 6000 / drive.ratio))
     begin = rng.uniform(0, drive.ratio)
     share = rng.uniform(0.12, 0.95) if kind == "part" else 1.0
@@ -148,7 +157,7 @@ def made_recording(rng: np.random.Generator, drive: MadeDrive | SolvedDrive, kin
         step = rng.uniform(0.2, 2.0)
         error = step * np.rint(error / step)
     stamps = np.arange(len(turns), dtype=float)
-    if kind == "split":  # recorded in any order, each with the level at which its encoder began
+    if kind == "split":  # pieces are recorded in random order, each with its own level
         pieces = int(sweep.max()) + 1
         order = rng.permutation(pieces)
         error += rng.uniform(-5, 5, pieces)[sweep]
@@ -157,7 +166,7 @@ def made_recording(rng: np.random.Generator, drive: MadeDrive | SolvedDrive, kin
 
 
 def soiled(rng: np.random.Generator, recording: Recording) -> tuple[Array, Array]:
-    """Angles [rev] and errors of a recording with lost rows, readings far off and a step of the level."""
+    """Return the angles [rev] and errors [arcsec] of a recording with lost rows, outliers and a step of the level."""
     turns, error = recording.input_rev, recording.error_arcsec.copy()
     if rng.random() < 0.25:
         error += rng.uniform(20, 60) * (turns > rng.uniform(turns[0] + 2, turns[-1] - 2))
@@ -168,18 +177,18 @@ def soiled(rng: np.random.Generator, recording: Recording) -> tuple[Array, Array
 
 
 def file_of(turns: Array, error: Array) -> bytes:
-    """A file of a recording."""
+    """Return the file of a recording; turns: input angles [rev]; error: errors [arcsec]."""
     rows = (f"{360 * turn:.6f},{value:.4f}" for turn, value in zip(turns.tolist(), error.tolist(), strict=True))
     return "\n".join(["cam_deg,error_arcsec", *rows]).encode()
 
 
 @dataclass(frozen=True)
 class MeasuredFigure:
-    """F'_ior of a file by `measure` and `accept`, as range_figure gives it.
+    """F'_ior of a file by `measure` and `accept`, with the attributes of a RangeFigure.
 
-    interval_arcsec: 95 % interval.
-    direction: of the greatest F'_ior.
-    cycle: what it covers of the full cycle, None if the model does not hold there.
+    interval_arcsec: 95 % interval [arcsec].
+    direction: direction with the largest F'_ior.
+    cycle: covered part of the full cycle, None if the model does not apply.
     """
 
     interval_arcsec: tuple[float, float]
@@ -188,13 +197,13 @@ class MeasuredFigure:
     has_few_samples: bool = False
 
     def verdict(self, limit_arcsec: float) -> Verdict:
-        """The verdict of `accept` on a limit."""
+        """Return the verdict of `accept` on a limit."""
         limit = Limit(F_IOR.code, limit_arcsec, 1.0)
         return decide(limit, AcceptedValue.measured(limit, self.direction, self.cycle), "guard", SURE).verdict
 
 
 def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -> MeasuredFigure | None:
-    """F'_ior of a recording as a file; None if `measure` refuses it or a part has no upper end."""
+    """Return F'_ior of a recording as a file; None if `measure` refuses it, or if the interval has no upper end."""
     in_time = np.argsort(recording.time, kind="stable")
     turns, error = recording.input_rev[in_time], recording.error_arcsec[in_time]
     if kind != "split":
@@ -214,7 +223,7 @@ def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -
 
 @dataclass
 class Tally:
-    """Counts of a kind of recordings."""
+    """Counts of the results for a kind of recordings."""
 
     recordings: int = 0
     refused: int = 0
@@ -229,7 +238,15 @@ class Tally:
 def judge(
     rng: np.random.Generator, name: str, tally: Tally, drive: MadeDrive | SolvedDrive, kind: str, *, by_file: bool
 ) -> None:
-    """Record a drive, add the answer to a tally and print it if the interval misses the truth or a verdict is wrong."""
+    """Record a drive, and add the result to a tally; print wrong verdicts, and intervals without the truth.
+
+    rng: random generator.
+    name: name of the recording for messages.
+    tally: counts of its kind.
+    drive: drive to record.
+    kind: whole, split or part.
+    by_file: whether `measure` and `accept` read a file.
+    """
     recording = made_recording(rng, drive, kind)
     begin = time.process_time()
     figure: RangeFigure | MeasuredFigure | None

@@ -1,8 +1,8 @@
-"""How often orders and F'_ior of records of simulated benches are held: `python -m benchmarks.records [RIGS]`.
+"""How often intervals of `measure` contain orders and F'_ior of simulated rigs: `python -m benchmarks.records [RIGS]`.
 
-Each bench has a drive that nobody knows, two encoders off their centres and in counts, gravity, a motor that is not
-even, rows lost and glitches, both ways with play, the output read late. It writes a file, and `hdassist measure` reads
-it. The bench is made of angles alone, sampled in time: it has none of the orders, bins or fits of the tool.
+Each rig has an unknown drive, two eccentric encoders that count steps, gravity, a motor that turns unevenly, lost rows
+and glitches, both directions with backlash, and late readings of the output. It writes a file, which `hdassist measure`
+reads. The rig is made from angles sampled in time, without the orders, bins or fits of the tool.
 """
 
 from __future__ import annotations
@@ -17,16 +17,22 @@ from hdassist.measuring.measure import Measurement, measure
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import TraceForm, read_trace
 
-RATIO, ROWS = 30, 60  # cam turns per output turn, rows a cam turn
+RATIO, ROWS = 30, 60  # input revolutions per output revolution, rows per input revolution
 CAM_COUNTS, OUTPUT_COUNTS = 16384, 4194304
 FORM = TraceForm(angle="cam", second="output", angle_unit=f"{CAM_COUNTS},{OUTPUT_COUNTS}", robust=True)
 ORDERS, TOLD_ORDERS = range(1, 7), range(1, 5)
-FINE = 240  # angles a cam turn of the true curve
+FINE = 240  # points per input revolution of the true curve
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Ranges [arcsec] of the record and of its orders of the cam alone, and amplitudes of these over the cycle."""
+    """True values of a recording.
+
+    whole: range of the error [arcsec].
+    cam: range of the orders of the input alone [arcsec].
+    orders: amplitudes of these orders over the cycle [arcsec], by order.
+    lag_ms: lag of the output encoder [ms].
+    """
 
     whole: float
     cam: float
@@ -35,9 +41,11 @@ class Truth:
 
 
 class Bench:
-    """A drive on a bench; seed: of all that is not known; turns: of the cam that are recorded, one way and back.
+    """A drive on a test rig.
 
-    is_clean: without rows that are lost or misread.
+    seed: seed of all unknown values.
+    turns: recorded input revolutions in each direction.
+    is_clean: whether no rows are lost or misread.
     """
 
     def __init__(self, seed: int, turns: float, *, is_clean: bool = False) -> None:
@@ -51,21 +59,27 @@ class Bench:
         self.play = rng.uniform(0, 20)
 
     def cam_error(self, phi: Array) -> Array:
-        """Error [arcsec] of the orders of the cam in the record, at cam angles [rad]; it goes with the output too."""
+        """Return the error [arcsec] of the orders of the input in the recording, with sidebands.
+
+        phi: input angles [rad].
+        """
         theta, p, share = phi / RATIO, self.phase, self.share
         oval = np.cos(2 * phi + p[0]) * (1 + 0.5 * share[0] * np.cos(theta + p[1]) + 0.2 * share[1] * np.cos(2 * theta))
-        bump = share[2] * np.exp(2 * np.cos(phi + p[2]) - 2)  # once a turn, and all that is in it
+        bump = share[2] * np.exp(2 * np.cos(phi + p[2]) - 2)  # once per revolution, with all its harmonics
         off_centre = 0.3 * share[3] * np.sin(phi + p[3]) * (1 + 0.5 * np.cos(theta + p[4]))
         teeth = 0.2 * share[4] * np.cos(4 * phi + p[5] + 0.5 * np.sin(theta))
-        bump -= share[2] * 0.308508  # its mean: e^-2 I_0(2)
+        bump -= share[2] * 0.308508  # mean of the bump: e^-2 I_0(2)
         return np.asarray(self.size * (oval + bump + off_centre + teeth) - self.cam_encoder(phi) / RATIO)
 
     def cam_encoder(self, phi: Array) -> Array:
-        """Error [arcsec] of the cam's encoder, off its centre."""
+        """Return the error [arcsec] of the eccentric input encoder at input angles [rad]."""
         return np.asarray(2 * RATIO * np.sin(phi + self.phase[6]))
 
     def slow_error(self, phi: Array) -> Array:
-        """Error [arcsec] of the output alone: the drive, gravity, graduation, the encoder off its centre."""
+        """Return the slow error [arcsec] of the output at input angles [rad].
+
+        It comes from the drive, gravity, and the graduation and eccentricity of the output encoder.
+        """
         theta, p = phi / RATIO, self.phase
         return np.asarray(
             self.size * self.share[5] * np.cos(theta + p[7]) + 15 * self.share[6] * np.cos(theta + p[8])
@@ -73,16 +87,17 @@ class Bench:
         )  # fmt: skip
 
     def file(self) -> bytes:
-        """The file of the bench."""
+        """Return the file that the rig writes."""
         rng = self.rng
         count = round(self.turns * ROWS)
         speed = 1 + 0.15 * np.sin(np.arange(count) / ROWS * 0.9 + self.phase[11])
-        speed += np.convolve(0.1 * rng.standard_normal(count), np.ones(20) / 20, "same")  # no shaft leaps
+        # the noise is smoothed, because the speed of a shaft cannot jump
+        speed += np.convolve(0.1 * rng.standard_normal(count), np.ones(20) / 20, "same")
         one_way = np.cumsum(speed) / ROWS
         scale = self.turns / one_way[-1]
         turns = np.concatenate([one_way, one_way[::-1]]) * scale
         speed = np.concatenate([speed, -speed[::-1]]) * scale
-        time = np.arange(2 * count) / ROWS  # a turn of the cam in about a second
+        time = np.arange(2 * count) / ROWS  # about one input revolution per second
         phi, later = 2 * np.pi * turns, 2 * np.pi * (turns + speed * self.lag)
         way = np.where(np.arange(2 * count) < count, 0.5, -0.5)
         cam = turns * 1296000 + self.cam_encoder(phi)
@@ -95,7 +110,7 @@ class Bench:
         kept = rng.random(2 * count) > 0.25
         gap = round(rng.uniform(0.1, 0.8) * count)
         kept[gap : gap + ROWS // 4] = False
-        kept[2 * count - gap : 2 * count - gap + ROWS] = False  # a turn of the cam
+        kept[2 * count - gap : 2 * count - gap + ROWS] = False  # gap of one input revolution
         kept |= self.is_clean
         rows = zip(time[kept], cam_counts[kept], out_counts[kept], strict=True)
         text = [f"{t:.6f};{a:.0f};{b:.0f}" for t, a, b in rows]
@@ -104,7 +119,7 @@ class Bench:
         return "\n".join(["t;cam;output", *text]).encode()
 
     def truth(self) -> Truth:
-        """A record without noise: its ranges, and amplitudes over the cycle."""
+        """Return the ranges of the recording without noise, and the amplitudes over the cycle."""
         whole = 2 * np.pi * np.arange(RATIO * FINE) / FINE
         phi = whole[: round(self.turns * FINE)]
         spectrum, orders = np.fft.rfft(self.cam_error(whole)), np.arange(RATIO * FINE // 2 + 1) / RATIO
@@ -118,19 +133,19 @@ class Bench:
 
 @dataclass
 class Held:
-    """How many of so many were held, by quantity."""
+    """Number of true values within their intervals, and number of all values, by quantity."""
 
     count: dict[str, list[int]]
 
     def add(self, quantity: str, *, held: bool) -> None:
-        """Count one more."""
+        """Count a value; held: whether its interval contains the true value."""
         numbers = self.count.setdefault(quantity, [0, 0])
         numbers[0] += held
         numbers[1] += 1
 
 
 def look(seed: int, turns: float, held: Held) -> Measurement:
-    """Read the file of a bench, and count what was held."""
+    """Measure the file of a rig, and count the true values within their intervals."""
     bench = Bench(seed, turns)
     result = measure(read_trace(bench.file(), FORM, RATIO), ratio=RATIO, orders=ORDERS)
     found = result.directions[0]

@@ -1,13 +1,16 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,...] [--n 40] [--first 0]`.
+"""Regret of the hole that mount recommends: `python -m benchmarks.regret [--cases A,D1,...] [--n 40] [--first 0]`.
 
-Regret is F'_ior in the hole named over the least of 12 holes, less 1; of two torques (T) F'_ior over its mean of all
-holes, at the torque served worst. Hidden drives are none that the preset can be:
-other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. C and C2 are curves by hand, the sum
-of a phasor that stays and one that turns with the wheel, asked of vzp160. Holes 0, 4 and 8 are measured, then
-those that the tool names, at the torque that it names or, with --light, all at the lightest; --by-parts: none, where
-offsets and marks are measured. Beside it: as it stands, the best hole measured, climbing by hand, a sine through the
-values, all at the lightest torque; and each probability as stated beside how often it came true. --first: number of the
-first hidden drive; --keep: a folder where true values are kept.
+The regret is F'_ior in the recommended hole over the smallest F'_ior of 12 holes, minus 1. With two torques (T), F'_ior
+is first divided by its mean over the holes, and the larger of both ratios counts. The preset cannot represent the
+hidden drives: they have other stiffnesses and flanks, teeth with all orders, order-2 errors and reading errors. The
+cases C and C2 are invented curves, the sum of a fixed phasor and a phasor that turns with the wheel, evaluated with the
+preset vzp160.
+
+Holes 0, 4 and 8 are measured first, then the holes that mount names, at the torque that it names, or with --light all
+at the lightest torque. With --by-parts, eccentricities and marks are measured and F'_ior is not. The regret is compared
+with that of the present hole, the best measured hole, a search by hand and a sine fitted to the values, all at the
+lightest torque. Stated probabilities are compared with the observed frequencies. --first is the number of the first
+hidden drive, and --keep a folder for true values.
 """
 
 from __future__ import annotations
@@ -23,18 +26,23 @@ from benchmarks.honesty import EXACT, OFF, hidden_drive, rough_teeth
 
 M_G, HOLES, FIRST, MOST = 80.0, 12, (0, 4, 8), 6
 GOOD = 0.05  # regret below which a hole is as good as the best
-MISREAD = 8.0, 15.0  # arcsec that a misread value is off by
+MISREAD = 8.0, 15.0  # arcsec; smallest and largest reading error of a misread value
 DRAWS_BY_PARTS = 16
 ALSO_OFF = ("supports.C_2", "supports.C_3", "contact.k_face", "contact.c_ball")
 
 
 @dataclass(frozen=True)
 class Case:
-    """Hidden drives, torques [N*m], noise of their values [arcsec], stated as 1, and whether one of six is misread.
+    """Hidden drives and the conditions of their measurement.
 
-    order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
-    which a data sheet is known (honesty.py). stated: noise that is stated. by_hand: curves of two phasors, no drives.
-    misread_of: of so many first values one is misread.
+    order_2: amplitude of a further error of a hidden vzp160 at order 2 [arcsec]; None for drives known by a data sheet
+        (honesty.py).
+    noise: standard deviation of the values [arcsec].
+    misread: whether one of the first values is misread.
+    torques: torques [N*m].
+    stated: stated standard deviation of the values [arcsec].
+    by_hand: whether curves of two phasors replace drives.
+    misread_of: number of first values among which one is misread.
     """
 
     order_2: float | None = 0.0
@@ -60,7 +68,10 @@ CASES = {
 
 
 def drive_like_vzp160(seed: int):
-    """A hidden drive, the deviations of its teeth, the preset where its offsets and marks are measured, and draws."""
+    """Return a hidden drive, the deviations of its teeth, a preset with its measured deviations, and its generator.
+
+    The preset has the eccentricities and the marks of the drive. The random generator continues that of the drive.
+    """
     from hdassist import load_preset
 
     rng, preset = np.random.default_rng([7, seed]), load_preset("vzp160")
@@ -78,12 +89,15 @@ def drive_like_vzp160(seed: int):
 
 
 def _direction(deviation) -> float:
-    """Phase [deg] of the first harmonic of a wheel's teeth, as a preset has it."""
+    """Return the phase of the first harmonic of the teeth of a wheel as in presets [deg]."""
     return float(-np.degrees(np.angle(np.fft.fft(deviation)[1])) % 360)
 
 
 def hidden_vzp160(seed: int, torques: tuple[float, ...]):
-    """F'_ior [arcsec] at each torque in each hole of a hidden drive like vzp160, by its order-2 error beside."""
+    """Return F'_ior of a hidden drive like vzp160 [arcsec], by amplitude of its further order-2 error [arcsec].
+
+    Each value is a list by torque and hole.
+    """
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
@@ -100,7 +114,10 @@ def hidden_vzp160(seed: int, torques: tuple[float, ...]):
 
 
 def hidden_by_data_sheet(seed: int):
-    """F'_ior [arcsec] in each hole of a hidden drive of which a data sheet is known, what stands turned back."""
+    """Return F'_ior in each hole of a hidden drive known by a data sheet [arcsec].
+
+    The wheel stays, and the deviations fixed to the housing are turned back instead.
+    """
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
@@ -116,7 +133,10 @@ def hidden_by_data_sheet(seed: int):
 
 
 def two_phasors(seed: int):
-    """F'_ior [arcsec] in each hole: a phasor that stays, and one that turns with the wheel, 0.1 to 0.6 of it."""
+    """Return F'_ior [arcsec] in each hole from a fixed phasor and a phasor that turns with the wheel.
+
+    The latter has 0.1 to 0.6 of the size of the former.
+    """
     rng = np.random.default_rng([31, seed])
     level = np.exp(rng.uniform(np.log(20), np.log(70)))
     ratio, direction = rng.uniform(0.1, 0.6), rng.uniform(0, 2 * np.pi)
@@ -124,7 +144,10 @@ def two_phasors(seed: int):
 
 
 def true_values(case: Case, seed: int, keep: Path | None):
-    """True F'_ior [arcsec] of a hidden drive, shape (torques, holes), computed once where they are kept."""
+    """Return the true F'_ior of a hidden drive [arcsec], shape (torques, holes).
+
+    keep: folder in which true values are stored, None for no storage.
+    """
     if case.by_hand:
         return two_phasors(seed)[None]
     name = "-".join(
@@ -142,12 +165,24 @@ def true_values(case: Case, seed: int, keep: Path | None):
 
 
 def served_worst(true):
-    """F'_ior over the mean of all holes at the torque served worst, shape (holes,), of true values."""
+    """Return the largest ratio over the torques of F'_ior to its mean over the holes, shape (holes,).
+
+    true: true F'_ior [arcsec], shape (torques, holes).
+    """
     return (true / true.mean(axis=1, keepdims=True)).max(axis=0)
 
 
 def judged(case: Case, seed: int, samples, keep: Path | None):
-    """A row for each number of values: regrets of all rules, and what was stated."""
+    """Return the results for a hidden drive.
+
+    They are the regrets of all rules and the stated probabilities by number of values, the same at the stop of
+    measuring, the regret of the present hole, and whether the suspected value is the misread one (None without one).
+
+    case: conditions of the measurement.
+    seed: number of the drive.
+    samples: samples before any value.
+    keep: folder of true values, None for no storage.
+    """
     from hdassist.mounting.advice import advise_after
     from hdassist.mounting.posterior import Trial
 
@@ -189,9 +224,9 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
 
 
 def judged_by_parts(case: Case, seed: int, keep: Path | None):
-    """Regret of the hole that mount names by the parts alone, offsets and marks measured, and of staying.
+    """Return the regret of the hole that mount recommends from measured deviations alone, and of the present hole.
 
-    Of a data sheet nothing is known that turns: it stays.
+    A data sheet states no deviation that turns with the wheel, so the wheel stays.
     """
     from hdassist.mounting.advice import advise
     from hdassist.mounting.positions import seat_positions
@@ -210,7 +245,7 @@ def _hole(trial) -> int:
 
 
 def _sine(trials):
-    """A sine once a turn through the values, in each hole."""
+    """Return a sine with one period per revolution of the wheel, fitted to the values, in each hole."""
 
     def columns(turn):
         return np.column_stack([np.ones(len(turn)), np.cos(turn), np.sin(turn)])
@@ -221,7 +256,7 @@ def _sine(trials):
 
 
 def _climb(trials) -> int:
-    """The hole beside the best one measured that was not measured yet, towards the better side first."""
+    """Return the unmeasured hole nearest to the best measured hole, first on the side where a sine is smaller."""
     best, tried = _hole(min(trials, key=lambda t: t.F_ior_arcsec)), {_hole(t): t.F_ior_arcsec for t in trials}
     sine = _sine(trials[:3])
     for step in range(1, HOLES):
@@ -233,7 +268,10 @@ def _climb(trials) -> int:
 
 
 def samples_of(case: Case, seed: int, light: bool):
-    """Samples of what is known of a hidden drive, before any value."""
+    """Return the samples from the known data of a hidden drive, before any value.
+
+    light: whether all values are measured at the lightest torque.
+    """
     from hdassist import load_preset
     from hdassist.mounting.posterior import TrialSetup, hole_samples
 
@@ -244,7 +282,7 @@ def samples_of(case: Case, seed: int, light: bool):
 
 
 def _stop_words(stops) -> str:
-    """Regret and probability of a good hole where measuring stops, of drives, with standard errors."""
+    """Return in words the mean regret and probability of a good hole at the stop of measuring, with standard errors."""
     regret, stated, good = (100 * np.array([stop[key] for stop in stops]) for key in ("regret", "stated good", "good"))
     root = np.sqrt(len(stops))
     return (
@@ -280,7 +318,7 @@ def main() -> None:
             mean = {key: float(np.mean([rows[count][key] for rows, *_ in found])) for key in found[0][0][count]}
             error = np.std([rows[count]["regret"] for rows, *_ in found]) / np.sqrt(len(found))
             words = ", ".join(f"{key} {100 * value:.1f}" for key, value in mean.items())
-            # printed as docs/theory.md has it: without its error a mean of few drives would say too much
+            # the standard error is printed, as in docs/theory.md, because the drives are few
             print(f"  {count} values: {words}; standard error of the regret {100 * error:.1f}")
         print(f"  at the stop: {_stop_words([stop for _, stop, *_ in found])}")
         if case.misread:

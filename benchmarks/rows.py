@@ -1,4 +1,4 @@
-"""The table of targets: what is asked for, what was measured, and whether that meets it."""
+"""The table of targets, with the measured values and whether they meet the targets."""
 
 from __future__ import annotations
 
@@ -9,23 +9,28 @@ from typing import Any
 from benchmarks.processes import IMPORT
 from benchmarks.words import WALK, WARM_DAQP
 
-STATE_US = {80.0: 9.0, 800.0: 6.0}  # of the walk in AVX2
+STATE_US = {80.0: 9.0, 800.0: 6.0}  # us; time of a state with the walk in AVX2, by torque [N*m]
 FASTER_THAN_CVXPY, FASTER_THAN_DAQP = 1000.0, 20.0
-DRAWS_RMS, DRAWS_WORST, DRAWS_STATES = 0.05, 0.5, 177  # arcsec, arcsec, half of what a search took before slopes
-FIRST_OUTPUT = 0.35  # times the import of cvxpy, until an answer that takes longer shows words on a terminal
+DRAWS_RMS, DRAWS_WORST, DRAWS_STATES = 0.05, 0.5, 177  # arcsec, arcsec, half the states of a search without slopes
+FIRST_OUTPUT = 0.35  # times the import of cvxpy, until a slow command shows text on a terminal
 VALUE_MS, EFFICIENCY = 7.5, 0.9
-DRIVES, MINUTES = 10_000, 12.0  # of tolerance, by two cores
-GROWTH = 4.0  # times: four times the teeth
-CONED = 3.0  # times: what a default may cost over the one before
+DRIVES, MINUTES = 10_000, 12.0  # random drives of tolerance, and their time on two cores
+GROWTH = 4.0  # largest ratio of the times for four times as many teeth
+CONED = 3.0  # largest ratio of the times for coned flanks and for whole flanks
 FIRST_NUMBER, PROVEN_NUMBER = 0.15, 0.6  # s
 MISSED_ARCSEC, MEMORY_MB = 0.01, 250.0
 
 
 @dataclass(frozen=True)
 class Row:
-    """One target: the group of reasons it belongs to, the work in words, and both numbers with their unit.
+    """A target with its measured value.
 
-    at_least: the target is a least value, not a greatest.
+    key: key of the reasons for a missed target.
+    work: measured work in words.
+    target: target value.
+    measured: measured value.
+    unit: unit of both values.
+    at_least: whether the target is a minimum instead of a maximum.
     """
 
     key: str
@@ -54,7 +59,7 @@ class Row:
 
 
 def rows(measured: dict[str, Any]) -> Iterator[Row]:
-    """Every target with what was measured for it; what a quick run leaves out is left out."""
+    """Yield every target with its measured value, except those that a quick run omits."""
     for torque in measured["engine"]:
         yield from _state(torque)
     yield from _processes(**measured["processes"])
@@ -93,7 +98,7 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
 
 
 def engine_of(torque: dict[str, Any]) -> str:
-    """The engine that targets are of: the walk in AVX2, else the first that is there."""
+    """Return the engine to which the targets apply: the walk in AVX2, or else the first measured engine."""
     names = torque["us"]["cycle"]
     return WALK if WALK in names else next(iter(names))
 

@@ -1,21 +1,21 @@
 """Prior sizes of the waves of a recording, from solved drives: `python -m benchmarks.sizes --drives 80 --write`.
 
-Each hidden drive of benchmarks/honesty.py is solved over its full cycle, half of them at the least and half at the
-largest torque of the preset. The Fourier transform over the cycle gives the amplitude of each wave (k, j): k periods
-per input revolution, j per output revolution. The profiles of hdassist/recording/sizes.toml follow:
+Each hidden drive of benchmarks/honesty.py is solved over its full cycle, half of the drives at the smallest and half at
+the largest torque of the preset. The Fourier transform over the cycle gives the amplitude of each wave (k, j), with k
+periods per input revolution and j per output revolution. They give the profiles of hdassist/recording/sizes.toml:
 
 - order: size of order k with its sidebands over the rms of the error;
-- sideband: size of the pair (k, +-j) over that of its order, of orders with more than 5 % of the error;
-- other_wheel: the same of (k, +-k);
-- output: size of (0, j) over that of all waves of the output;
-- rest: rms of waves that the model leaves out over that of its waves from order 12 on, by the highest order of the
-  model, and what they add to the range over their rms. The logarithm of the first and the second are straight lines
-  over the logarithm of the ratio, with the standard deviation around the line.
+- sideband: size of the pair (k, +-j) over the size of its order, for orders with more than 5 % of the error;
+- other_wheel: size of the pair (k, +-k) over the size of its order;
+- output: size of (0, j) over the size of all waves of the output;
+- rest: rms of the waves that the model omits over the rms of its waves from order 12 on, and their contribution to the
+  range over their rms, by the highest order of the model. The logarithm of the first value, and the second value, are
+  straight lines over the logarithm of the ratio, with a standard deviation about the line.
 
-Sizes are rms values over the drives, so that a wave that a few drives have counts. A size below the floor counts as the
-floor. Two things are cautious assumptions, because they decide whether a part of the cycle can pass. The first number
-of `order` is not from these drives: slow waves of a recording also come from encoders, couplings and gravity. The sizes
-of sidebands are doubled: other drives and rigs may have more of them than these.
+Sizes are rms values over the drives, so waves of few drives count too. A size below the floor counts as the floor. Two
+sizes are cautious assumptions, because they decide whether a part of the cycle can pass. The first number of `order` is
+not computed from these drives, because slow waves of a recording also come from encoders, couplings and gravity. The
+sizes of sidebands are doubled, because other drives and rigs may have larger sidebands.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from benchmarks.honesty import hidden_drive
 from hdassist.model.geometry import Array
 from hdassist.recording.waves import wave_pairs
 
-FLOOR = 0.02  # least size of a profile
-CLEAR = 0.05  # of the rms of the error: least order whose sidebands count
+FLOOR = 0.02  # smallest size in a profile
+CLEAR = 0.05  # smallest size of an order whose sidebands count, over the rms of the error
 SLOW = 1.5  # assumed size of order 0 over the rms of the readings
-CAUTION = 2.0  # factor of the sizes of sidebands
+CAUTION = 2.0  # factor for the sizes of sidebands
 ORDERS, SIDEBANDS = 81, 7  # lengths of the profiles
-FINE_ORDER = 12  # from which waves show how rough the teeth are
-HIGHEST_ORDERS = (16, 24, 36)  # of the odd orders of the model, for which the rest is found
-LEAST_RATIO, USUAL_RATIO = 50, 80  # the least of the solved drives; that of the tabulated rest
-POINTS_PER_PERIOD = 2.2  # blocks for each period of the highest order, as in recording/waves.py
+FINE_ORDER = 12  # lowest order of the waves that show the roughness of the teeth
+HIGHEST_ORDERS = (16, 24, 36)  # highest odd orders of the model for which the rest is tabulated
+LEAST_RATIO, USUAL_RATIO = 50, 80  # smallest ratio of the solved drives; ratio of the tabulated rest
+POINTS_PER_PERIOD = 2.2  # blocks per period of the highest order, as in recording/waves.py
 TABLE = Path(__file__).parent.parent / "hdassist" / "recording" / "sizes.toml"
 HEAD = """# Prior sizes of the waves of a recording (R6), written by `python -m benchmarks.sizes --write`.
 # rms over {drives} solved drives of ratios 50 to 120; order[0] and a factor of 2 of the
@@ -48,7 +48,7 @@ HEAD = """# Prior sizes of the waves of a recording (R6), written by `python -m 
 
 
 def solved_cycle(number: int, seed: int) -> tuple[int, Array]:
-    """The ratio of a hidden drive and its error over the full cycle [arcsec], shape (states,)."""
+    """Return the ratio of a hidden drive, and its error over the full cycle [arcsec], shape (states,)."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.model.geometry import Kinematics
     from hdassist.run.run import UNCHECKED
@@ -62,7 +62,7 @@ def solved_cycle(number: int, seed: int) -> tuple[int, Array]:
 
 
 def wave_sizes(ratio: int, error: Array) -> dict[tuple[int, int], float]:
-    """The amplitude of each wave (k, j) of an error over a cycle [arcsec]."""
+    """Return the amplitude of each wave (k, j) of an error over a cycle [arcsec]."""
     amplitudes = 2 * np.abs(np.fft.rfft(error)) / len(error)
     sizes: dict[tuple[int, int], float] = {}
     for periods in range(1, len(amplitudes)):
@@ -72,12 +72,12 @@ def wave_sizes(ratio: int, error: Array) -> dict[tuple[int, int], float]:
 
 
 def rms(values: Sequence[float]) -> float:
-    """Root mean square, at least the floor."""
+    """Return the root mean square of values, at least the floor."""
     return max(FLOOR, float(np.sqrt(np.mean(np.square(values))))) if len(values) else FLOOR
 
 
 def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
-    """The profiles of sizes.toml."""
+    """Return the profiles of sizes.toml, by name; cycles: ratio and error over the cycle [arcsec] of each drive."""
     order: list[list[float]] = [[] for _ in range(ORDERS)]
     sideband: list[list[float]] = [[] for _ in range(SIDEBANDS)]
     output: list[list[float]] = [[] for _ in range(SIDEBANDS)]
@@ -109,7 +109,7 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
 
 
 def rests(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
-    """The table of the rest in sizes.toml, by the highest order of the model."""
+    """Return the columns of the table `rest` in sizes.toml, with one row for each highest order of the model."""
     names = ("size", "size_exponent", "size_log_sigma", "added", "added_slope", "added_sigma")
     table: dict[str, list[float]] = {name: [] for name in names}
     larger = np.array([np.log(ratio / USUAL_RATIO) for ratio, _ in cycles])
@@ -132,7 +132,13 @@ def rests(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
 
 
 def _rest_of(ratio: int, error: Array, highest: int) -> tuple[float, float]:
-    """Logarithm of the rms of the waves beyond a model over that of its fine waves; what they add over their rms."""
+    """Return the size of the waves that a model omits, and their contribution to the range.
+
+    The first value is the logarithm of their rms over the rms of the fine waves of the model. The second value is the
+    increase of the range over their rms.
+
+    highest: highest order of the model.
+    """
     spectrum = np.fft.rfft(error)
     amplitudes = 2 * np.abs(spectrum) / len(error)
     fine = 0.0
@@ -147,7 +153,7 @@ def _rest_of(ratio: int, error: Array, highest: int) -> tuple[float, float]:
 
 
 def toml_line(name: str, sizes: Sequence[float]) -> str:
-    """A line of a TOML file."""
+    """Return a line of a TOML file."""
     return f"{name} = [{', '.join(f'{size:.3g}' for size in sizes)}]\n"
 
 

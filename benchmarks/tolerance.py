@@ -1,10 +1,10 @@
-"""How far random drives lie from every state, and what they cost: `python -m benchmarks.tolerance [--n 500]`.
+"""Errors of F'_ior of random drives, and the time to compute them: `python -m benchmarks.tolerance [--n 500]`.
 
-Drives are those that `hdassist tolerance vzp160 --seed 1` draws, and those of the same drive with harmonics and a
-run-out besides. F'_ior as built (of all drives) and in the best position (of every fifth) is compared with every state
-of the cycle; every fifth drive is also searched in all positions, so that it shows whether the best one was found.
-Costs are processor time of one process; the efficiency of two is time on the clock, and says something on a quiet
-machine only.
+The drives are those of `hdassist tolerance vzp160 --seed 1`, and those of the same drive with harmonics and a runout.
+F'_ior as assembled (all drives) and in the best position (every fifth drive) is compared with the result of all states
+of the cycle. F'_ior of every fifth drive is also computed in all positions, to show whether the best one was found.
+Times are processor times of one process. The efficiency of two processes is measured by elapsed time, which is
+meaningful only on a quiet machine.
 """
 
 from __future__ import annotations
@@ -32,14 +32,19 @@ CASES: dict[str, dict[str, float]] = {"vzp160": {}, "with harmonics": HARMONICS}
 SEED = 1
 EVERY = 5
 CHUNK = 10
-WANTED_MS = 7.5  # of one core for a value of F'_ior
+WANTED_MS = 7.5  # target for the time of one core per value of F'_ior
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One drive: how far F'_ior [arcsec] lies from that of every state, as built and best (none: not looked at).
+    """Comparison of a random drive with the results of all states.
 
-    loss: how much more F'_ior the chosen position has than the best of all positions, as a share, by searches.
+    case: name in CASES.
+    number: number of the drive.
+    F_ior: F'_ior from all states as assembled at each torque [arcsec].
+    as_built: F'_ior from all states minus the value of the drive, as assembled [arcsec].
+    best: the same in the best position, None if it was not compared.
+    loss: relative excess of the chosen over the best position, None if it was not computed.
     """
 
     case: str
@@ -73,7 +78,7 @@ def compare(task: tuple[str, Production, int, int]) -> list[Drawn]:
     for k, record in enumerate(made.records(first, last), first):
         drive = made.drive.with_values(record.values)
         best_deg = record.best_rotation_deg
-        assert best_deg is not None  # None has no F'_ior either
+        assert best_deg is not None  # the position is None only if the drive has no F'_ior
         turned = rotated(drive, best_deg)
 
         def every_state(there: Drive) -> list[float]:
@@ -111,7 +116,11 @@ def report(case: str, rows: Sequence[Drawn]) -> None:
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """For each case: ms of processor time a value, a drive and its share of a design, states, use of two processes."""
+    """Return the results of each case.
+
+    They are the processor time per value, per drive and for its share of a design [ms], the states per drive, and the
+    efficiency of two processes.
+    """
     return [speed(case, 10 if quick else 100) | efficiency(case, 20 if quick else 200) for case in CASES]
 
 
@@ -119,7 +128,7 @@ def speed(case: str, count: int) -> dict[str, Any]:
     begun = time.process_time()
     made = production(case, 2 + count)
     designs = time.process_time() - begun
-    made.records(0, 2)  # what is made once
+    made.records(0, 2)  # computes everything that is computed only once
     begun = time.process_time()
     records = made.records(2, 2 + count)
     took = time.process_time() - begun
@@ -156,7 +165,7 @@ def main() -> None:
     reader.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
     reader.add_argument("--file", type=Path, default=Path("build/tolerance_study.jsonl"))
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # set before numpy is loaded
     if options.speed:
         for case in options.cases:
             speed(case, options.speed)

@@ -1,10 +1,11 @@
-"""What turning the wheel is worth against teeth one accuracy class finer: `python -m benchmarks.turning [--n 400]`.
+"""Benefit of the best hole compared with teeth one accuracy class finer: `python -m benchmarks.turning [--n 400]`.
 
-Prints the tables of docs/tolerance.md, and writes its figures: how many random drives stay below which F'_ior, as built
-and in their best hole, with the preset's teeth and with teeth one class finer (F'_i1 and F'_i2 over the root of two).
+The tables of docs/tolerance.md are printed, and its figures are written. They show the share of random drives below a
+value of F'_ior, as assembled and in their best holes, with the teeth of the preset and with teeth one class finer
+(F'_i1 and F'_i2 divided by the square root of two).
 
---support: instead, by the cam's support and the standing offset, F'_ior in the worst hole over that in the best, as a
-table and as docs/figures/turning-support.svg, with drives that shipped presets may be drawn on it.
+With --support, a table and docs/figures/turning-support.svg show the ratio of F'_ior in the worst hole to that in the
+best hole, by the support of the wave generator and its housing-fixed eccentricity, with samples of shipped presets.
 """
 
 from __future__ import annotations
@@ -98,7 +99,10 @@ def figure(M_g: float, curves: Mapping[tuple[str, str], Array]) -> str:
 
 
 def by_support() -> tuple[dict[float, list[float]], list[float]]:
-    """Worst over best hole of vzp160 at 80 N*m, by offset and then support, and at 800 N*m by support."""
+    """Return the ratio of F'_ior in the worst hole to that in the best hole of vzp160.
+
+    The first result is for 80 N*m, by eccentricity and then support. The second result is for 800 N*m, by support.
+    """
     from hdassist import load_preset
 
     drive = load_preset("vzp160")
@@ -113,7 +117,7 @@ def by_support() -> tuple[dict[float, list[float]], list[float]]:
 
 
 def worst_over_best(drive: Drive, M_g: float) -> float:
-    """F'_ior in the worst of twelve holes over that in the best."""
+    """Return the ratio of F'_ior in the worst of twelve holes to that in the best hole."""
     import numpy as np
 
     from hdassist.error.error_map import Batch, ErrorMap
@@ -124,7 +128,10 @@ def worst_over_best(drive: Drive, M_g: float) -> float:
 
 
 def shipped_drives(preset: str, count: int) -> list[tuple[float, float]]:
-    """Support brought to 160 mm, by the diameter, and worst over best hole of drives that a preset may be."""
+    """Return the support, scaled by diameter to 160 mm, and the ratio of worst to best hole, for samples of a preset.
+
+    count: number of samples.
+    """
     import numpy as np
 
     from hdassist import load_preset
@@ -145,7 +152,11 @@ def shipped_drives(preset: str, count: int) -> list[tuple[float, float]]:
 
 
 def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[tuple[float, float]]]) -> str:
-    """The lines by offset, and the drives of presets as dots, over the support of the cam."""
+    """Return the figure of the ratio of worst to best hole over the support of the wave generator.
+
+    lines: ratios by support for each eccentricity [um].
+    dots: support and ratio of samples, by preset.
+    """
     from math import log10
 
     low, high, end = log10(SUPPORTS[1]), log10(SUPPORTS[-1]), 3.5
@@ -205,7 +216,7 @@ def main() -> None:
     reader.add_argument("--figures", type=Path, default=Path("docs/figures"))
     reader.add_argument("--support", action="store_true")
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # set before numpy is loaded
     import numpy as np
 
     options.figures.mkdir(parents=True, exist_ok=True)

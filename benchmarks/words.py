@@ -1,6 +1,6 @@
-"""What docs/performance.md says beside its numbers: reasons, ideas and choices, written by hand."""
+"""The texts of docs/performance.md next to its numbers: reasons, ideas and choices, written by hand."""
 
-WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from state to state"  # engines in a table
+WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from state to state"  # names of engines
 
 HEAD = """\
 # Speed and memory
