@@ -212,7 +212,7 @@ def quantities(
     *,
     run: Run = Run(),
 ) -> _PredictedQuantities:
-    """Return the quantities that limits need, at the nominal values of the preset.
+    """Return the quantities required for limits, at the nominal values of the preset.
 
     drive: the drive.
     limits: its limits.
@@ -246,7 +246,7 @@ def predict(
     sure: float = SURE,
     run: Run = Run(),
 ) -> Predictions:
-    """Return predictions of the quantities that limits need.
+    """Return predictions of the quantities required for limits.
 
     drive: the drive.
     limits: limits for which values are predicted.

@@ -164,7 +164,7 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
 
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
-    """Return the distinct torques at which limits need a quantity of the drive (_Need) [N*m]."""
+    """Return the distinct torques at which limits require a given quantity of the drive (_Need) [N*m]."""
     return tuple(
         dict.fromkeys(limit.M_g_Nm for limit in limits if need in limit.check.needs and limit.M_g_Nm is not None)
     )

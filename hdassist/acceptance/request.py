@@ -51,7 +51,7 @@ from hdassist.readers.words import Cell
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 
-_PRINTED = 5e-6  # relative rounding of a torque on sheets that print six digits
+_PRINTED = 5e-6  # relative rounding error of a torque on sheets that print six digits
 _TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _MARK_COLUMNS = ("mark_b", "mark_g")
 _FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")

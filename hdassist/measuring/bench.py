@@ -31,7 +31,7 @@ from hdassist.readers.trace import LARGEST_ERROR, WHOLE_TURN_DEG, AngleError, Tr
 from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
 _LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
-_AROUND = 5  # fewest readings for the fit of a parabola
+_AROUND = 5  # minimum number of readings for the fit of a parabola
 TINY = 1e-30  # N*m: avoids division by 0
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _SHRINK = 2.0  # multiple of the variance due to scatter that is subtracted from the variance of mean deviations
@@ -167,10 +167,10 @@ class LoopRecord:
 
 @dataclass(frozen=True)
 class StatedQuantity:
-    """A quantity that manufacturers state, measured.
+    """Measured value of a quantity that manufacturers state.
 
     name: name of its acceptance limit.
-    arcsec: value.
+    arcsec: measured value.
     uncertainty_arcsec: standard uncertainty, None without repeated approaches.
     of: description of the readings from which it was computed.
     noise_arcsec: amount, exceeded in one recording out of 40, by which scatter of the approaches makes a range larger

@@ -43,8 +43,8 @@ FULL_SHARE = 0.95  # share of the cycle from which the full cycle counts as cove
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 _HIGHEST_ORDER = 200.0
 BEATS = 6
-_SLOW_ORDERS = 12  # most periods of slow terms per output revolution
-_SLOW_PER_CAM_TURN = 0.2  # most periods of slow terms per input revolution
+_SLOW_ORDERS = 12  # maximum number of periods of slow terms per output revolution
+_SLOW_PER_CAM_TURN = 0.2  # maximum number of periods of slow terms per input revolution
 USUAL_RATIO = 100.0  # ratio assumed for the width of the sidebands if the ratio is unknown
 # input revolutions from which one order to either side represents the sidebands, which change the error slowly
 _DRIFTING = 4.0
@@ -79,7 +79,7 @@ _POINTS_PER_PERIOD = 16  # points in a period of the highest order
 # widest gap between readings, in periods of the highest declared order, in which the curve is followed
 GAP_PERIODS = 0.5
 _BRIDGED_TURNS = 1 / 8  # widest gap between readings that counts as covered, in input revolutions
-# the same if whole output revolutions are recorded, whose other input revolutions cover these angles too
+# widest such gap if whole output revolutions are recorded, whose other input revolutions cover these angles too
 _BRIDGED_IN_CYCLE = 1 / 2
 # largest spread of the curve between readings, as a multiple of the usual spread, at which the gap counts as covered
 _BRIDGED_SPREAD = 2.0
@@ -94,7 +94,7 @@ _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power o
 _HIGHEST_IMAGE = 30.0
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
 _CLEAR_BEAT = 0.05  # smallest sideband that shows a ratio, as a share of the largest amplitude
-_FEWEST_BEATS = 3  # fewest sidebands at the same distance that show a ratio
+_FEWEST_BEATS = 3  # minimum number of sidebands at the same distance that show a ratio
 _CORRELATED = 1e3  # condition number of the normal equations above which orders cannot be shrunk individually
 
 

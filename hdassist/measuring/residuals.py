@@ -34,25 +34,25 @@ from hdassist.readers.trace import MeasuredTrace
 _LINE_FALSE_ALARM = 0.01  # probability that a recording without lines shows one
 _PROBES_PER_PLACE = 2.5  # probed frequencies per resolved frequency, so that peaks between these are found
 _NEIGHBOURHOOD = 32  # resolved frequencies on each side that represent the noise
-_FEWEST_NEIGHBOURS = 2  # fewest resolved frequencies on a side
+_FEWEST_NEIGHBOURS = 2  # minimum number of resolved frequencies on a side
 _CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the resolution
-_FEWEST_PERIODS = 3.0  # fewest periods of a line in the recording; with fewer it looks like drift
+_FEWEST_PERIODS = 3.0  # minimum number of periods of a line in the recording; with fewer it looks like drift
 # highest order of a line, as a multiple of the highest fitted order: averages over bins attenuate faster lines
 _HIGHEST_LINE = 4.0
 _TORQUE_LINE = 0.5  # smallest share of the slope over the torque that remains with a line; less shows a wind-up
 _SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
-_MAX_LINES = 8  # most lines
+_MAX_LINES = 8  # maximum number of lines
 _ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line
 _SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit that a spike exceeds
 _SPIKE_RANGE_SHARE = 0.1  # smallest spike, as a share of the range of the fitted curve: a smaller one has no effect
-_SPIKE_SPARSE_SHARE = 0.5  # the same, if an adjacent reading is more than half a period of the highest order away
-_LONGEST_SPIKE = 2  # most readings in a spike; a longer departure may be due to the drive
+_SPIKE_SPARSE_SHARE = 0.5  # smallest such share next to a gap of more than half a period of the highest order
+_LONGEST_SPIKE = 2  # maximum number of readings in a spike; a longer departure may be due to the drive
 _BESIDE_SPIKE = 7  # number of adjacent readings for the median with which a reading is compared
 _TO_SIGMA = 1.4826  # standard deviation of normal readings divided by their median absolute deviation
 _MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings: with more of them the test rig is at fault
-_NAMED_LINES = 3  # most lines named in a message
+_NAMED_LINES = 3  # maximum number of lines named in a message
 _STEP_TURNS = 0.5  # input revolutions compared on each side of a step
-_FEWEST_BESIDE_STEP = 8  # fewest readings on each side
+_FEWEST_BESIDE_STEP = 8  # minimum number of readings on each side of a step
 _SHARP = 0.7  # smallest share of a step over a quarter of the adjacent readings
 _STEP_SIGMAS = 8.0  # robust standard deviations of such differences that a step exceeds
 # Smallest step, as a share of the range of the fitted curve: a smaller one is left to the noise.
@@ -115,7 +115,7 @@ def with_lines(fit: TraceFit) -> TraceFit:
 
 
 def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
-    """Return the peak of the residuals that exceeds its neighbours most clearly, or None if no frequency is free.
+    """Return the peak of the residuals that exceeds its neighbours most clearly, or None without a free frequency.
 
     highest: order up to which peaks are considered.
     """

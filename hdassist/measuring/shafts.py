@@ -23,10 +23,10 @@ from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.readers.words import TIMES
 
-_FEWEST_PERIODS = 3.0  # fewest revolutions of a shaft in a recording: with fewer, its component looks like drift
-_READINGS_PER_PERIOD = 2.5  # fewest readings per revolution of a shaft
+_FEWEST_PERIODS = 3.0  # minimum number of shaft revolutions in a recording; with fewer, the component looks like drift
+_READINGS_PER_PERIOD = 2.5  # minimum number of readings per revolution of a shaft
 _UNEVEN_REVOLUTION = 0.1  # largest departure of a shaft's angle from constant speed, as a share of its revolution
-_SAME_LINE = 1e-6  # relative rounding of an order
+_SAME_LINE = 1e-6  # relative rounding error of an order
 _LARGEST = 1e6  # largest number of shaft revolutions per input or output revolution, and largest period in seconds
 _SHAFT_HINT = (
     "give a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"

@@ -26,7 +26,7 @@ _HEAVIEST = 4.0
 DESIGN_CHUNK = 8192  # rows of the design that are in memory at a time
 _WORST_CONDITION = 1e8  # largest condition number of the normal equations
 _JOINED_CELLS = 24  # cells per input revolution that are used to join sweeps on the output revolution
-_MOST_JOINED = 4  # most sweeps that are joined: the levels of more sweeps would absorb too much of the slow terms
+_MOST_JOINED = 4  # maximum number of joined sweeps: more levels would absorb too much of the slow terms
 BINS_PER_COLUMN = 1.5
 
 

@@ -84,7 +84,7 @@ class Section(BaseModel):
         return cls.model_validate({})
 
 
-MAX_NAME = 200  # most characters of a drive's name
+MAX_NAME = 200  # maximum length of a drive's name
 
 
 def _one_line(text: str) -> str:

@@ -31,7 +31,7 @@ TORQUE_DENSITY = (1.7e-4, 4.0e-4)
 # range have another unit
 _STIFFNESS_SHARES = (0.05, 5.0)
 _CATALOGUE_UNIT = 1e4  # N*m/rad: unit in which catalogues print stiffnesses
-_BOUND_ROUNDING = 1e-9  # relative rounding of a bound
+_BOUND_ROUNDING = 1e-9  # relative rounding error of a bound
 # Accuracy class of the largest deviations if a preset does not state them: F'_i is F_p of this class of ISO
 # 1328-1:2013, the coarsest teeth assumed for a drive; those of the paper are in it
 COARSEST_CLASS = 9

@@ -22,7 +22,7 @@ from hdassist.files import GREATEST, NUMBER, bounded, escaped, package_table
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
-_MAX_DIGITS = 300  # most digits of an integer; a longer one is read as a float
+_MAX_DIGITS = 300  # maximum number of digits of an integer; a longer one is read as a float
 MAX_FINDINGS = 100
 OVERRIDE = "--set"  # replaces the file in findings on overrides
 
@@ -488,7 +488,7 @@ _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
 _LONGEST_NUMBER = (
-    400  # most characters of a number with its unit and uncertainty; matching time grows faster than linearly
+    400  # maximum length of a number with its unit and uncertainty; matching time grows faster than linearly
 )
 
 

@@ -63,7 +63,7 @@ SAMPLED_LINES = 300  # lines from which the form of the rows is determined
 _FOREIGN_ROWS = 20
 _FOREIGN_HEAD = 3  # lines above the rows that are not column names
 NO_UNIT = "no unit stated"  # phrase in notes before an assumed unit
-MAX_REMARKS = 1000  # most comments that are stored
+MAX_REMARKS = 1000  # maximum number of stored comments
 _ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # roles of columns that contain angles
 _SHAFTS = ("cam", "output", "angle", "error")  # roles of the columns of a recording
 _SEPARATOR_LINE = re.compile(r'"?sep=(?:.|\\t)"?[;,\s]*', re.IGNORECASE)  # line that Excel writes above a table

@@ -42,7 +42,7 @@ _JITTER = 0.5  # deg: backward moves up to this size are noise of a shaft that i
 _TURNING_STEPS = 4.0  # median steps: backward moves up to this size are noise of coarse readings
 _WIDEST_TURNING = 5.0  # deg: upper limit of such backward moves
 _WIDEST_TURN_BACK = 2.5  # median steps: largest deviation of a reading from its neighbours where the shaft reverses
-_FEW_ROWS = 5  # fewest rows in a move
+_FEW_ROWS = 5  # minimum number of rows in a move
 _SPIKE = 10.0  # median steps: largest first step after a restart
 _Angles = NDArray[np.float64]
 BY_ORDER = "columns by their sequence: input angle, error"  # note if no column has a name
@@ -62,7 +62,7 @@ _RAMP_OF_RATIO = 1e-3
 _NEAR_ONE = 0.05  # two ratios differ by 1, within this tolerance, if the other wheel is fixed
 _LEAST_WRAP = 1e-3  # deg: smallest wrap of an encoder
 _ENCODERS = 2
-_FEWEST_ROWS = 20  # fewest rows in a recording
+_FEWEST_ROWS = 20  # minimum number of rows in a recording
 # one row in this many is removed at each end of the sorted steps, as these steps are not due to rounding
 _TURNING_ROWS = 200
 _ROUNDED_STEP = 0.01  # rounding by printed digits, as a share of a step

@@ -36,7 +36,7 @@ _EPICS_ROLES: dict[str, str] = _TABLE["epics_fields"]["roles"]
 _EPICS_COUNTS: list[str] = _TABLE["epics_fields"]["counts"]
 _EPICS_FIELD = re.compile(rf"[\w:{{}}-]+\.({'|'.join(_EPICS_ROLES)})(?![^\W_])")
 _MOTEUS: dict[str, str] = _TABLE["moteus"]
-_FEWEST_REGISTERS = 2  # fewest registers of moteus that identify a table without telemetry
+_FEWEST_REGISTERS = 2  # minimum number of registers of moteus that identify a table without telemetry
 _NO_UNIT = re.compile(_TABLE["no_units"]["words"], re.IGNORECASE)
 _GERMAN = re.compile(_TABLE["no_units"]["german"], re.IGNORECASE)
 _JOINED = [
@@ -62,8 +62,8 @@ _SCALED = re.compile(  # the same in a name, where a number without an operator 
 )
 _IN_BRACKETS = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$")
 _AMBIGUOUS_DEGREE = "grad"  # a degree in German, 1/400 of a revolution elsewhere
-_LONGEST_UNIT = 14  # most characters of a unit in brackets
-_LEAST_BARE = 2  # fewest characters of a unit without brackets
+_LONGEST_UNIT = 14  # maximum number of characters of a unit in brackets
+_LEAST_BARE = 2  # minimum number of characters of a unit without brackets
 _MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # whole words only, without adjacent letters
 AMBIGUOUS = "ambiguous"
@@ -187,7 +187,7 @@ def _unit_texts(name: str) -> tuple[list[str], list[str]]:
 
 
 def scaled_unit_in(name: str) -> str:
-    """Return the text in a name with a unit with a factor, power or another unit, as in "0.1 arcsec", otherwise "".
+    """Return the part of a name that combines a unit with a factor, power or other unit ("0.1 arcsec"), or "".
 
     Such a text is not a plain unit: its readings differ by a factor, or are of another quantity.
     """

@@ -32,7 +32,7 @@ _CHANCE = 1e-3  # probability per recording of a component due to noise
 _NEIGHBOURS = 64  # frequencies around a peak, on both sides together, that show the level of the noise
 _PEAK_PLACES = 4  # frequencies on each side of a peak that belong to it, in a spectrum twice as fine as the resolution
 MOST_COMPONENTS = 8
-_FEWEST_PERIODS = 3.0  # fewest periods in the longest run; slower components are drift or waves of the output
+_FEWEST_PERIODS = 3.0  # minimum number of periods in the longest run; slower components are drift or output waves
 # widest sideband of a component that is a wave of the torus; the second number is relative to the ratio
 _WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25
 _ON_WAVE = 0.2  # largest distance of a component from a wave of the torus, as a share of the resolution

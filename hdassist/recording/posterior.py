@@ -95,10 +95,10 @@ _MORE_SIDEBANDS = (4, 8)  # sidebands beyond the usual 6, tried in this sequence
 # largest number of sidebands relative to the ratio; wider ones fill the spectrum and represent slow noise as waves
 _WIDEST_OF_RATIO = 0.25
 _DRIFT_SIZE = 0.02  # scale of the Cauchy distribution of each power of the drift over a run, as a share of A (assumed)
-_LEVEL_PRECISION = 1e-10  # relative to 1/A^2: effectively flat
+_LEVEL_PRECISION = 1e-10  # precision of the prior of levels relative to 1/A^2, which is effectively flat
 # correlation of two columns above which they are drawn together; weaker correlation hardly slows the chain
 _COHERENT = 0.1
-_GROUP_COLUMNS = 100  # most columns of merged small groups, for which one factorisation is fastest
+_GROUP_COLUMNS = 100  # maximum number of columns of merged small groups, for which one factorisation is fastest
 _LEAST_NOISE = 1e-3  # smallest noise, as a share of A: no recording is better, and rounding errors are much smaller
 
 

@@ -40,8 +40,8 @@ ORDER_PROFILE: tuple[float, ...] = tuple(_PROFILES["order"])
 # Size of a sideband relative to its order, for |j| = 1, 2, ...; the last value applies to wider ones. It is twice that
 # of solved drives, which is a cautious assumption.
 SIDEBAND_PROFILE: tuple[float, ...] = tuple(_PROFILES["sideband"])
-_OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # the same for (k, +-k), a part that rotates with the other wheel
-OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # the same for (0, j), by j = 1, 2, ...
+_OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # size of the waves (k, +-k), relative to their order
+OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # size of the waves (0, j), by j = 1, 2, ...
 # Waves beyond the pairs: their rms relative to that of the fine waves (orders from 12), and their contribution to the
 # range relative to their rms. The contribution is nearly always positive, because the largest value is selected among
 # rougher ones. Both grow with the gear ratio, because with more teeth there are more positions at which the largest

@@ -29,7 +29,7 @@ from hdassist.model.geometry import Array
 from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
-BLOCKS_PER_REV = 80  # most blocks per input revolution
+BLOCKS_PER_REV = 80  # maximum number of blocks per input revolution
 # points per input revolution: 3 per period of the highest order, between which a parabola gives the peak
 CURVE_POINTS_PER_REV = 240
 # Highest order that is included for any sampling. Coarse readings show a higher order as a lower one (its image) or not
