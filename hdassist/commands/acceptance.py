@@ -235,7 +235,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     def run(self) -> int:
         """Accept the drives or the lot, or replay stored results; return the exit code."""
         out = self.open()
-        with out.progress(self.presets[0] if self.presets else self.replay or ""):  # words before numpy is imported
+        with out.progress(self.presets[0] if self.presets else self.replay or ""):  # shown before numpy is imported
             from hdassist.acceptance.request import Request, is_lot
 
             base = self.request()

@@ -90,7 +90,7 @@ class MountCommand(
     def run(self) -> int:
         """Find the hole, and return the exit code."""
         out = self.open()
-        with out.progress(self.preset):  # words before numpy is imported
+        with out.progress(self.preset):  # shown before numpy is imported
             card = self._card(out)
         if self.verify is not None and card:
             raise UsageError(
@@ -401,7 +401,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         """Measure the recordings, and return the exit code."""
         o.stdin_once(*self.files, self.preset)
         out = self.open()
-        with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
+        with out.progress(self.files[0] if self.files else ""):  # shown before numpy is imported
             from hdassist.loading import load_preset
             from hdassist.measuring.measure import LoggedJoint
             from hdassist.measuring.orders import gearing_of

@@ -352,7 +352,7 @@ class PresetsNewCommand(WishOptions):
 
 PRESET = "vzp160"
 M_G = 800.0
-STORED_F_IOR = 7.706924145663  # arcsec, over all mesh positions
+STORED_F_IOR = 7.706924145663  # arcsec; F'_ior over all mesh positions
 AGREES = 1e-6  # arcsec; largest difference from the stored value
 _CROSS = "HIGHS"
 
@@ -392,7 +392,7 @@ class DoctorCommand(o.PageOptions):
 
         if self.empty_cache:
             empty_cache()
-        with out.progress("this installation"):  # words before numpy is imported
+        with out.progress("this installation"):  # shown before numpy is imported
             findings = [*_packages(), surroundings(out.style), engine(), cache(), self_test()]
         findings.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(finding.what for finding in findings if finding.status == "broken")

@@ -62,7 +62,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
         # the title is shown next to the progress bar
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         title = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
-        with out.progress(title):  # numpy is imported below
+        with out.progress(title):  # shown before numpy is imported
             from hdassist.design import check, check_states
             from hdassist.pages.check import check_report
 
@@ -379,7 +379,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         # wrong angles are refused before any file is read
         start = o.degrees_or_fit("--phi-g0", self.start)
         given_zero = o.degrees_or_fit("--cam-zero", self.zero or "0")
-        with out.progress(self.preset):  # words before numpy is imported
+        with out.progress(self.preset):  # shown before numpy is imported
             from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
             from hdassist.pages.compare import comparison_report
             from hdassist.run.run import Run
@@ -468,7 +468,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         out = self.open()
 
         def one(_: str) -> Report:
-            with out.progress(", ".join(names)):  # words before numpy is imported
+            with out.progress(", ".join(names)):  # shown before numpy is imported
                 from hdassist.pages.compare import comparison_warnings, drives_report
                 from hdassist.variants import at_common_torques, compare_drives, estimate_comparison
 

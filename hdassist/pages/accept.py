@@ -405,7 +405,7 @@ def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
     """Return the deciding check of a drive with its reason, or its error.
 
-    first_alike: first result of the lot with the same error, which is referred to instead of repeating the error.
+    first_alike: first result of the lot with the same error; later results refer to it and do not repeat the error.
     """
     if not answer.error:
         worst = _by_severity(_shown_checks(answer))[0]

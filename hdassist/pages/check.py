@@ -334,7 +334,7 @@ _SHOWN_OPTIONS = 3  # number of options on a short page, which also shows one qu
 _SCREEN_LINES = 24
 _SCREEN_COLUMNS = 80
 _LABEL_COLUMNS = len("to clarify  ")
-_LINES_OF_OTHERS = 15  # head, table without its rows, next command, plot, verification, empty lines
+_LINES_OF_OTHERS = 15  # lines for head, table without its rows, next command, plot, verification, empty lines
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _NOT_LISTED = (
     "not listed, because F'_ior of this drive was measured: another hole, for which mount computes F'_ior, and a "

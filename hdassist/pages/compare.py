@@ -273,7 +273,7 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a fit: one for each deviation, after a row for the whole fit if it has not exactly one."""
+    """Yield the rows of a fit: one for each deviation, after a row for the whole fit unless it has one deviation."""
     chi_square = f"{found.chi_square / found.degrees_of_freedom:.2f}"
     F_ior = _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"

@@ -58,7 +58,7 @@ from hdassist.report import (
 from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
-_NAMED_SLOW = 0.1  # slow terms are named from this share of F'_ior
+_NAMED_SLOW = 0.1  # smallest slow terms that a line names, as a share of F'_ior
 _LISTED_ORDERS = 12  # number of orders in the table, the largest ones
 _NAMED_ORDERS = 3  # number of orders that a line names, the largest ones
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
@@ -527,7 +527,12 @@ class _BenchResults:
         drive: Drive | None,
         seed: int,
     ) -> _BenchResults:
-        """Return the results of a record; drive: gives the rated torque, None if unknown; seed: seed of resampling."""
+        """Return the results of a record.
+
+        record: approaches or loops.
+        drive: drive that was tested, whose rated torque applies; None if it is unknown.
+        seed: seed of the simulated approaches.
+        """
         if isinstance(record, PositionRecord):
             quantities = position_quantities(record, seed=seed)
             positions = seen_range(record, quantities)
@@ -546,7 +551,7 @@ class _BenchResults:
 
     @property
     def has_reversal_verdict(self) -> bool:
-        """Whether the main result is the reversal value of ISO 230-2, as F'_ior has no range and both sides exist."""
+        """Whether the main result is the reversal value of ISO 230-2, because F'_ior has no range."""
         return self.positions is None and self.iso230 is not None and bool(self.iso230.figure("B"))
 
     @property
@@ -597,7 +602,7 @@ def bench_report(
     Args:
         record: approaches or loops.
         drive: drive that was tested, whose rated torque applies; None if it is unknown.
-        seed: seed of resampling.
+        seed: seed of the simulated approaches.
         options: options by which the file was read, for the next command.
     """
     table = record.table
