@@ -1,12 +1,14 @@
-"""Evidence on a drive: figures known of it, each with the likelihood of a prediction; and how measured F'_ior errs.
+"""Reference data: known figures of a drive with the likelihood of predictions, and the errors of measured F'_ior.
 
 Likelihoods are heavy-tailed (Student t with 4 degrees of freedom), so that one wrong figure does not decide alone, and
-wide enough for the misfit of the model. Measured F'_ior count together: no preset is the drive, and the model is off by
-about as much in all positions. Of a model whose F'_ior is f in the measured positions the drive shows
+wide enough for the misfit of the model. Measured values of F'_ior are evaluated jointly, because no preset describes
+the drive exactly and the model has a similar error in all positions. For a model with F'_ior f in the measured
+positions, the drive shows
 
 (1)  y = f + SCALE u f + a GP + noise,  a = misfit mean(f),  GP ~ exp(-(2 sin(d/2) / LENGTH)^2 / 2)
 
-with u normal, d the turn between two positions, the misfit among MISFITS, and one value perhaps misread (MISREAD).
+with a normal number u, the rotation d between two positions, a misfit from MISFITS, and at most one misread value
+(MISREAD).
 """
 
 from __future__ import annotations
@@ -29,32 +31,36 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.formulation import Formulation
 
 _FREEDOM = 4.0  # degrees of freedom of Student's t
-_MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
-_WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
-_MISFIT = 0.10  # of values measured on the drive: the model's alone
-_SOFT_EDGE = 0.25  # of a limit that every sold drive keeps
-# of a limit by which each drive was selected: the model's error of what the manufacturer read, assumed
+# relative spread of a catalogue stiffness, in the logarithm: drives of a type, and the misfit of the model
+_MEAN_OF_TYPE = 0.15
+_WHOLE_FLANKS = 0.30  # relative spread of K_1 with a single contact over the whole flank (numerics.stations 1)
+_MISFIT = 0.10  # relative spread of values measured on the drive, from the misfit of the model alone
+_SOFT_EDGE = 0.25  # relative width of a limit that every sold drive meets
+# relative width of a limit by which each drive was selected: assumed model error of the manufacturer's reading
 _TESTED_EDGE = 0.05
-# of the typical value of a type, in the logarithm: drives of a type differ in their deviations, assumed
+# spread of a typical value in the logarithm: assumed differences of deviations between drives of a type
 _DRIVES_OF_TYPE = 0.30
-_NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly any
+_NO_PLAY = 2.0  # arcsec; smallest misfit of lost motion and backlash
 
 SEGMENT_STIFFNESSES = ("K_1", "K_2", "K_3")  # N*m/rad
 STIFFNESS_FIGURES = (*SEGMENT_STIFFNESSES, "lost_motion", "play")  # the last two in arcsec
 ACCURACY = "accuracy"
-# by catalogue.accuracy_test: positions of a revolution that are read; 0 for the whole of F'_ior
+# number of positions per revolution that are read, by catalogue.accuracy_test; 0 for the full mesh cycle
 _TEST_POSITIONS = {"12_positions": 12}
-ACCURACY_LOAD = 0.02  # of the rated torque, under which makers test it, one way: they say none or next to none
+# torque of an accuracy test, in one direction, as a share of the rated torque; manufacturers state no or almost no load
+ACCURACY_LOAD = 0.02
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A figure known of a drive: its path in the preset, value, and spread (misfit of the model included).
+    """A known figure of a drive: its path in the preset, value, and spread (including the misfit of the model).
 
-    figure: name of the prediction that it is held against; kind: how far off a prediction is, by its logarithm or its
-    share beyond a limit, over a relative spread, or by the difference, over a spread in the unit of the value. M_g
-    [N*m] and rotation_deg of a measured F'_ior, 0 and 0 of all else. positions: of an accuracy, at how many positions
-    of an output revolution it is read; 0 if the whole of F'_ior counts.
+    figure: name of the prediction with which it is compared.
+    kind: measure of the deviation of a prediction: ratio (logarithm over a relative spread), limit (relative excess
+        over a relative spread) or difference (over a spread in the unit of the value).
+    M_g: torque of a measured F'_ior [N*m], otherwise 0.
+    rotation_deg: rotation of a measured F'_ior [deg], otherwise 0.
+    positions: number of positions per output revolution at which an accuracy is read; 0 for the full mesh cycle.
     """
 
     path: str
@@ -72,7 +78,7 @@ class Evidence:
         return self.kind == "limit" and self.spread < _SOFT_EDGE
 
     def log_likelihood(self, prediction: Array | float) -> Array:
-        """Logarithm of the likelihood of predictions, 0 where they agree best, same shape."""
+        """Return the log likelihood of predictions, 0 for the best agreement, same shape."""
         predicted = np.asarray(prediction, dtype=float)
         if self.kind == "ratio":
             deviation = np.log(predicted / self.value) / self.spread
@@ -84,15 +90,17 @@ class Evidence:
 
 
 def is_error_measured(drive: Drive) -> bool:
-    """Return whether the preset of a drive states values of F'_ior that were measured on it."""
+    """Return whether the preset of a drive contains measured values of F'_ior."""
     return any(figure.M_g for figure in evidence_of(drive))
 
 
 def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
-    """Evidence that a preset has on a drive: its `catalogue`, and values `measured` on it.
+    """Return the reference data in a preset: its `catalogue`, and the values `measured` on the drive.
 
-    A catalogue's stiffnesses are means of the type; its lost motion and accuracy are limits that are kept. of_type:
-    evidence on all drives of the type, of which this one shows the stiffness, but not their clearances and deviations.
+    Catalogue stiffnesses are means of the type; lost motion and accuracy are limits that are met.
+
+    of_type: whether the reference data are for all drives of the type; this drive then shows the stiffness of the type,
+        but not its clearances and deviations.
     """
     whole = {"K_1": _WHOLE_FLANKS} if drive.numerics.stations == 1 else {}
 
@@ -120,15 +128,15 @@ def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
 
 
 def accuracy_evidence(value_arcsec: float, test: str) -> Evidence:
-    """Return the evidence that the accuracy in a catalogue is.
+    """Return the accuracy in a catalogue as reference data.
 
-    A tested accuracy is a limit that few drives exceed, because the others are not sold. If the test is not stated, the
-    limit is soft: it may have been read at a few positions, which show a part of F'_ior. The figure is the reading of
-    the test in any case.
+    A tested accuracy is a limit that few drives exceed, because the others are not sold. If the test is unknown, the
+    limit is soft, because the accuracy may have been read at a few positions, which show only a part of F'_ior. The
+    figure is always the reading of the test.
 
     Args:
-        value_arcsec: the accuracy [arcsec].
-        test: as catalogue.accuracy_test states it.
+        value_arcsec: accuracy [arcsec].
+        test: value of catalogue.accuracy_test.
     """
     is_typical = test == "typical"
     edge = _SOFT_EDGE if test == "unstated" else _TESTED_EDGE
@@ -143,15 +151,15 @@ def accuracy_evidence(value_arcsec: float, test: str) -> Evidence:
 
 
 def tested_positions(test: str) -> int:
-    """Return at how many positions an accuracy is read; 0 if the whole of F'_ior counts.
+    """Return the number of positions at which an accuracy is read, 0 for the full mesh cycle.
 
-    test: as catalogue.accuracy_test states it.
+    test: value of catalogue.accuracy_test.
     """
     return _TEST_POSITIONS.get(test, 0)
 
 
 def measured_errors(drive: Drive) -> tuple[Evidence, ...]:
-    """F'_ior as measured on a drive with its fixed wheel turned from where it stands."""
+    """Return the measured values of F'_ior of a drive, with the fixed wheel turned from its present position."""
     found = []
     for key, reading in drive.measured.F_ior.items():
         where, M_g = key.split("@")
@@ -163,10 +171,11 @@ def measured_errors(drive: Drive) -> tuple[Evidence, ...]:
 
 
 def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> tuple[dict[str, float], Certificate]:
-    """K_1 to K_3 [N*m/rad], on the weaker side, lost motion and play [arcsec] of a drive, by name, with their proof.
+    """Return K_1 to K_3 [N*m/rad] on the weaker side, lost motion and backlash [arcsec] by name, with a certificate.
 
-    Argument: formulation of its contact system, where it is there already. Raises UntrustedError where an answer cannot
-    be trusted.
+    formulation: programme of the contact system, if it already exists.
+
+    Raises UntrustedError if a result cannot be trusted.
     """
     found = stiffness(drive, points=1, formulation=formulation, run=UNCHECKED)
     figures = *(found.weaker(k) for k in (1, 2, 3)), found.lost_motion_arcsec, found.play_arcsec
@@ -174,7 +183,10 @@ def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> t
 
 
 def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float]) -> float:
-    """Log likelihood of the pieces of evidence for which there is a prediction, by figure."""
+    """Return the log likelihood of the reference data for which there is a prediction.
+
+    predictions: predictions by figure.
+    """
     heard = [each for each in evidence if each.figure in predictions]
     alone = float(sum(each.log_likelihood(predictions[each.figure]) for each in heard if not each.M_g))
     errors = [each for each in heard if each.M_g]
@@ -185,51 +197,64 @@ def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float
 
 
 def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
-    """Measured F'_ior and its spreads [arcsec], shape (errors,), and the correlation of the misfit between them."""
+    """Return measured F'_ior and its spreads [arcsec], shape (errors,), and the correlation of their misfit."""
     y, spreads = np.array([(each.value, each.spread) for each in errors]).T
     torques, turns = np.array([each.M_g for each in errors]), [each.rotation_deg for each in errors]
-    return y, spreads, kernel(turns, turns) * np.equal.outer(torques, torques)  # at another torque it is another one
+    # misfits at different torques are independent
+    return y, spreads, kernel(turns, turns) * np.equal.outer(torques, torques)
 
 
-SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
-LENGTH = 0.6  # rad of the seat over which a misfit is alike, as of drives that differ in stiffness (benchmarks.misfit)
-MISFITS = (0.0, 0.02, 0.04, 0.08)  # standard deviation of it as a share of the mean F'_ior, all alike likely; as there
-_SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
+SCALE = 0.10  # assumed standard deviation of the drive's F'_ior over that of the model
+# rad; correlation length of the misfit over the seat, from drives that differ in stiffness (benchmarks.misfit)
+LENGTH = 0.6
+# equally probable standard deviations of the misfit as a share of the mean F'_ior, from the same study
+MISFITS = (0.0, 0.02, 0.04, 0.08)
+_SMOOTH_ORDERS = 16  # number of orders of the Fourier series of a misfit over the seat; the next one would be 1e-11
 SMOOTH_NUMBERS = 2 * _SMOOTH_ORDERS + 1
-LEAST_SHOWN = 0.1  # of the model's F'_ior, that a drive has at least
-MISREAD = 0.03  # probability of a value to be misread; of several values one is at most
-MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
-_UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
-_ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
+LEAST_SHOWN = 0.1  # smallest F'_ior of a drive over that of the model
+MISREAD = 0.03  # probability that a value is misread; at most one of several values is
+MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of the value
+_UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show the measured F'_ior
+# largest number of values of which none is excluded as misread, because the remaining two may agree by chance
+_ANY_TWO = 3
 
 
 def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
-    """Correlation of the misfit between positions [deg], shape (a, b)."""
+    """Return the correlation of the misfit between positions [deg], shape (a, b)."""
     apart = np.radians(np.subtract.outer(a_deg, b_deg))
     return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
 
 
 def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
-    """Misfits of variance 1 in positions [deg], shape (draws, rotations), from normal numbers (draws, SMOOTH_NUMBERS).
+    """Return misfits of variance 1 in positions, shape (draws, rotations).
 
-    The Fourier series of the kernel, exp((cos d - 1)/LENGTH^2) = sum of exp(-k) I_n(k) cos(n d), k = 1/LENGTH^2: so the
-    misfit in a position is the same whatever other positions are looked at.
+    They are the Fourier series of the kernel, exp((cos d - 1)/LENGTH^2) = sum of exp(-k) I_n(k) cos(n d) with k =
+    1/LENGTH^2, so the misfit in a position does not depend on other requested positions.
+
+    rotations_deg: positions [deg].
+    normals: normal numbers, shape (draws, SMOOTH_NUMBERS).
     """
     order, angles = np.arange(_SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
     size = np.sqrt(ive(order, LENGTH**-2) * np.where(order, 2, 1))
     series = np.vstack([size * np.cos(order * angles), (size * np.sin(order * angles))[1:]])
-    return np.asarray((normals[:, :, None] * series).sum(axis=1))  # one position after the other, to the last digit
+    # one position after the other, for the same last digits
+    return np.asarray((normals[:, :, None] * series).sum(axis=1))
 
 
 def errors_of_drive(
     f: Array, y: Array, variance: Array, spreads: Array, correlation: Array, drawn: tuple[Array, Array, Array]
 ) -> tuple[Array, Array]:
-    """F'_ior of the drive [arcsec], shape (draws, positions), of which y was measured, and its scale over the model's.
+    """Return F'_ior of the drive given measured values [arcsec], shape (draws, positions), and its scale.
 
-    Drawn without the values, then moved by the difference of these from their own draw (Matheron's rule). Arguments: f
-    of the model in positions and where it was measured, shape (draws, positions + values); variance of the misfit
-    [arcsec^2], shape (draws,), spreads of the values, shape (draws, values), correlation of the misfit over positions
-    and values; drawn, of variance 1: deviation of the scale, misfit, and noise of the values.
+    F'_ior is drawn without the values, then corrected by the difference between the values and their own draw
+    (Matheron's rule).
+
+    f: F'_ior of the model in the positions and in the measured ones [arcsec], shape (draws, positions + values).
+    y: measured values [arcsec], shape (values,).
+    variance: variance of the misfit [arcsec^2], shape (draws,).
+    spreads: standard deviations of the values [arcsec], shape (draws, values).
+    correlation: correlation of the misfit over positions and values.
+    drawn: draws of variance 1 for the scale, the misfit, and the noise of the values.
     """
     of_scale, misfit, noise = drawn
     count = f.shape[1] - len(y)
@@ -238,16 +263,19 @@ def errors_of_drive(
     there, seen = f[:, count:], F_ior[:, count:] + spreads * noise
     both = variance[:, None, None] * correlation[:, count:] + SCALE**2 * f[:, :, None] * there[:, None, :]
     moved = np.linalg.solve(both[:, count:] + np.square(spreads)[:, :, None] * np.eye(len(y)), (y - seen)[..., None])
-    # a normal distribution has no end, an error has
+    # a normal distribution is unbounded, but F'_ior is not
     F_ior = np.maximum(F_ior + (both * moved[:, None, :, 0]).sum(axis=2), LEAST_SHOWN * f)[:, :count]
     return F_ior, scale + SCALE**2 * (there * moved[..., 0]).sum(axis=1)
 
 
 @dataclass(frozen=True)
 class ErrorKind:
-    """How measured values err: misfit as a share of the mean F'_ior, noise over the stated one, the misread value.
+    """Kind of error of measured values.
 
-    misread: place of that value, -1 where none is; log_share: logarithm of how probable the kind is before any value.
+    misfit: misfit as a share of the mean F'_ior.
+    noise: noise over the stated noise.
+    misread: index of the misread value, -1 without one.
+    log_share: logarithm of the prior probability of the kind.
     """
 
     misfit: float = 0.0
@@ -256,15 +284,19 @@ class ErrorKind:
     log_share: float = 0.0
 
     def spreads(self, stated: Array, y: Array) -> Array:
-        """Standard deviations of values y [arcsec], shape (values,), from those that are stated."""
+        """Return the standard deviations of values y [arcsec], shape (values,).
+
+        stated: stated standard deviations [arcsec], shape (values,).
+        """
         misread = np.arange(len(y)) == self.misread
         return self.noise * np.where(misread, np.hypot(stated, MISREAD_SHARE * y), stated)
 
 
 def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKind]:
-    """Kinds of error that so many values may have; of misread ones the noise is as stated.
+    """Return the possible kinds of error of measured values; kinds with a misread value have the stated noise.
 
-    Argument: log_noises, logarithm of how probable a noise over the stated one is, but for a factor.
+    values: number of values.
+    log_noises: log probability of each ratio of noise to stated noise, up to a constant.
     """
     right = (1 - MISREAD) ** values
     whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / right)
@@ -282,10 +314,13 @@ def log_likelihoods(
     mean: Array,
     read_error: float = 0.0,
 ) -> Array:
-    """Log likelihood of measured F'_ior of each kind of error and sample, shape (kinds, samples).
+    """Return the log likelihood of measured F'_ior for each kind of error and sample, shape (kinds, samples).
 
-    Arguments: stated, standard deviations of y; mean F'_ior of the samples [arcsec], shape (samples,), and read_error,
-    relative error of f; the others as those of likelihood_of_errors.
+    stated: standard deviations of y [arcsec].
+    mean: mean F'_ior of the samples [arcsec], shape (samples,).
+    read_error: relative error of f.
+
+    The other arguments are those of `_likelihood_of_errors`.
     """
     rows = []
     for each in kinds:
@@ -297,12 +332,16 @@ def log_likelihoods(
 def _likelihood_of_errors(
     f: Array, y: Array, spreads: Array, variance: Array, correlation: Array
 ) -> tuple[Array, Array]:
-    """How far measured F'_ior lies off that of samples, squared, in standard deviations, and the log likelihood.
+    """Return the squared distance of measured F'_ior from samples, in standard deviations, and the log likelihood.
 
-    Arguments: f of the samples there, y measured [arcsec], shape (samples, values) and (values,); spreads, standard
-    deviations of y; variance of the misfit [arcsec^2], shape (samples,), and its correlation, shape (values, values).
-    In the eigenvectors of the correlation, whitened by the spreads, the covariance is diagonal, but for the scale's,
-    which has rank one.
+    In the eigenvectors of the correlation, whitened by the spreads, the covariance is diagonal, except for that of the
+    scale, which has rank one.
+
+    f: F'_ior of the samples in the measured positions [arcsec], shape (samples, values).
+    y: measured values [arcsec], shape (values,).
+    spreads: standard deviations of y [arcsec], shape (values,).
+    variance: variance of the misfit [arcsec^2], shape (samples,).
+    correlation: correlation of the misfit, shape (values, values).
     """
     own, basis = np.linalg.eigh(correlation / np.multiply.outer(spreads, spreads))
     f, off = f / spreads @ basis, (y - f) / spreads @ basis
@@ -313,9 +352,13 @@ def _likelihood_of_errors(
 
 
 def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Array, read_error: float = 0.0) -> Array:
-    """Log likelihood of measured F'_ior over misfits and misread values, less that of samples with just these values.
+    """Return the log likelihood of measured F'_ior over misfits and misread values, shape (samples,).
 
-    Arguments: read_error, relative error of f; the others as those of likelihood_of_errors. Result of shape (samples,).
+    It is relative to that of samples with exactly these values.
+
+    read_error: relative error of f.
+
+    The other arguments are those of `_likelihood_of_errors`.
     """
     both, kinds = np.vstack([f, y]), error_kinds(len(y), {1.0: 0.0})
     log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1), read_error), axis=0)
@@ -323,10 +366,14 @@ def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Ar
 
 
 def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, correlation: Array, hint: str) -> None:
-    """Raise UntrustedError where no sample comes near F'_ior as measured: of equally bad ones all weigh the same.
+    """Raise UntrustedError if no sample is near the measured F'_ior, because the weights would be meaningless.
 
-    Any one of more than ANY_TWO values may be misread. Arguments: names of the values, and the remedy, for the message;
-    the others as those of likelihood_of_errors.
+    If there are more than _ANY_TWO values, any one of them may be misread.
+
+    names: names of the values in the message.
+    hint: remedy in the message.
+
+    The other arguments are those of `_likelihood_of_errors`.
     """
     variance, every = np.square(MISFITS[-1] * f.mean(axis=1)), range(len(y))
 

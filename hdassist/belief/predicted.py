@@ -1,4 +1,4 @@
-"""F'_ior as measured on a drive beside the range that its preset predicts without measured values."""
+"""Comparison of measured F'_ior of a drive with the range predicted by its preset without measured values."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _COVERAGE_FACTOR = 2.0  # coverage factor of a measured value
 
 @dataclass(frozen=True)
 class MeasuredBeside:
-    """A measured F'_ior beside its predicted range.
+    """A measured F'_ior with its predicted range.
 
-    place: field of the preset that contains the value, with its hole or turn and its torque.
+    place: field of the preset that contains the value, with its hole or rotation and its torque.
     value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
     low_arcsec, high_arcsec: 5th and 95th percentile of the prediction without measured values.
     """
@@ -33,7 +33,7 @@ class MeasuredBeside:
 
     @property
     def is_above(self) -> bool:
-        """Whether the value less its expanded uncertainty lies above the range."""
+        """Whether the value minus its expanded uncertainty lies above the range."""
         return self.value_arcsec - _COVERAGE_FACTOR * self.uncertainty_arcsec > self.high_arcsec
 
     @property
@@ -49,11 +49,11 @@ def measured_beside(
     weights: Array,
     place: str = "",
 ) -> MeasuredBeside:
-    """Return a measured value beside its range.
+    """Return a measured value with its predicted range.
 
     value_arcsec, uncertainty_arcsec: the value and its standard uncertainty.
-    predicted_arcsec: F'_ior of samples there, shape (samples,).
-    weights: of the samples without measured values, shape (samples,).
+    predicted_arcsec: F'_ior of the samples under the conditions of the measurement [arcsec], shape (samples,).
+    weights: weights of the samples without measured values, shape (samples,).
     place: field of the preset that contains the value.
     """
     low, high = (weighted_quantile(predicted_arcsec, weights, share) for share in _PREDICTED_SHARES)
@@ -72,23 +72,24 @@ def beside_prediction(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> tuple[MeasuredBeside, ...]:
-    """Return the values of F'_ior that were measured on a drive beside the ranges predicted without them.
+    """Return the measured values of F'_ior of a drive with the ranges predicted without them.
 
-    The samples are those of `check` for the preset without measured values, so that they are often kept already.
+    The samples are those of `check` for the preset without measured values, so they are often stored already.
 
-    prior: of the drive, with its measured values.
-    draws: effective samples at least.
+    prior: prior of the drive with its measured values.
+    draws: smallest effective sample size.
     run: the run.
-    Raises UntrustedError if too few draws are drives.
+
+    Raises UntrustedError if too few draws are valid drives.
     """
     drive = prior.drive
     figures = measured_errors(drive)
     if not figures:
         return ()
-    # values may have been measured at torques that decide nothing
+    # values may have been measured at other torques than those of the drive
     torques = tuple(dict.fromkeys((*drive.operation.M_g, *(figure.M_g for figure in figures))))
     turns = tuple(dict.fromkeys(figure.rotation_deg for figure in figures if figure.rotation_deg))
-    # the prediction must not know the values that it is compared with
+    # the prediction must not use the values with which it is compared
     bare = drive.model_copy(update={"measured": drive.measured.model_copy(update={"F_ior": {}})})
     evidence = evidence_of(bare)
     effort = SamplingEffort.of(draws)
@@ -98,7 +99,7 @@ def beside_prediction(
     compared = []
     for figure in figures:
         torque = torques.index(figure.M_g)
-        # as mounted all sets of deviations count; with the wheel turned the sample itself
+        # in the present position all sets of deviations count; with the wheel turned only that of the sample does
         predicted_arcsec = samples.sets_arcsec[:, :, torque].ravel()
         weights = samples.set_weights.ravel()
         if figure.rotation_deg:
@@ -109,7 +110,7 @@ def beside_prediction(
 
 
 def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
-    """Return a sentence for each value that lies beyond its range, that of `mount` (terminal/languages)."""
+    """Return a sentence for each value beyond its range, with the same wording as in `mount` (terminal/languages)."""
     sentences = []
     for value in compared:
         if not (value.is_above or value.is_below):

@@ -1,4 +1,4 @@
-"""The prior of a drive: every field that is not known exactly, with its distribution, from the preset alone."""
+"""The prior of a drive: the distributions of all fields that are not known exactly, from its preset."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_tab
 from hdassist.solve.answers import ARCSEC
 
 RIGID_SHIFT = "gears.x_b"
-# modules of profile shift that teeth are drawn closer than where they just mesh, at most; there K_1 is a third more
-# than any catalogue has
+# Largest profile shift, in modules, by which teeth are closer than just in mesh; at this value K_1 is a third above
+# that of any catalogue.
 PRELOAD = 0.04
-LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
-_SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
+LOGARITHMIC = 4.0  # ratio of the bounds of a positive range above which its logarithm is uniformly distributed
+_SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities at which a normal distribution is cut
 
-EVIDENCE = ("catalogue.", "measured.")  # sections that tell of fields, and are none of the drive's
+EVIDENCE = ("catalogue.", "measured.")  # sections with reference data, which are not properties of the drive
 
 _FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
 _Distribution = Literal["even", "logarithmic", "normal", "drawn", "meshing"]
@@ -32,13 +32,16 @@ _Distribution = Literal["even", "logarithmic", "normal", "drawn", "meshing"]
 
 @dataclass(frozen=True)
 class FieldPrior:
-    """Distribution of a field that is not known exactly, by path, in the unit of the field.
+    """Distribution of a field that is not known exactly, in the unit of the field.
 
-    low, high: bounds; of a normal distribution the mean less and plus the expanded uncertainty (k = 2). meshing: even,
-    beyond the profile shift at which the teeth just mesh, which follows from all else (meshing.py). owner: whose
-    the value is, that of all drives of a design, of one drive, of its assembly or of its surroundings. group: path of
-    the size where the field is the size or the direction of a deviation, else the path itself. reason: where the bounds
-    come from; draws: of a fit, equally likely values, of which those of the same place in other fields belong together.
+    path: path of the field.
+    distribution: kind of distribution; meshing is uniform beyond the profile shift at which the teeth just mesh, which
+        follows from all other fields.
+    low, high: bounds; for a normal distribution the mean minus and plus the expanded uncertainty (k = 2).
+    owner: owner of the value: all drives of a design, one drive, its assembly, or its surroundings.
+    group: path of the size if the field is the size or direction of a deviation, otherwise the path itself.
+    reason: origin of the bounds.
+    draws: equally probable values of a fit; draws with the same index in different fields belong together.
     """
 
     path: str
@@ -51,43 +54,43 @@ class FieldPrior:
     draws: tuple[float, ...] = ()
 
     def value(self, share: Array) -> Array:
-        """Return values of the field [its unit] at shares of its probability; a normal one is cut at its end."""
-        # a fit has drawn its values: a share of probability picks one of them
+        """Return values of the field [its unit] at shares of its probability, not below the smallest allowed value."""
+        # a fit provides sampled values, and a share of probability selects one of them
         if self.draws:
             return np.sort(self.draws)[self._places(share)]
-        # equal factors are equally likely: a stiffness known to a factor of ten
+        # equal factors are equally probable, as for a stiffness known to a factor of ten
         if self.distribution == "logarithmic":
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
         mean = (self.low + self.high) / 2
-        standard_deviation = (self.high - self.low) / 4  # the bounds are two of them off the mean
+        standard_deviation = (self.high - self.low) / 4  # the bounds are two standard deviations from the mean
         normal = mean + standard_deviation * ndtri(np.clip(share, *_SHARE_LIMITS))
-        # a size cannot fall below the least value of its field
+        # a size cannot fall below the smallest value of its field
         return np.asarray(np.maximum(normal, field_table()[self.path].ge))
 
     def joined(self, share: Array) -> Array:
-        """Return shares of the field's own probability at shares of the probability of its fit."""
+        """Return shares of the field's own probability from shares of the probability of its fit."""
         # rank of each draw among the draws of this field
         ranks = np.argsort(np.argsort(self.draws, kind="stable"))
         return np.asarray((ranks[self._places(share)] + 0.5) / len(self.draws))
 
     def _places(self, share: Array) -> NDArray[np.int64]:
-        """Return the place of the draw of a fit at each share of its probability."""
+        """Return the index of the draw of a fit at each share of its probability."""
         places: NDArray[np.int64] = np.minimum((share * len(self.draws)).astype(np.int64), len(self.draws) - 1)
         return places
 
     @property
     def is_any_direction(self) -> bool:
-        """Whether the field is a direction that is unknown."""
+        """Whether the field is an unknown direction."""
         return self.distribution == "even" and self.path != self.group and self.low == 0
 
 
 @dataclass(frozen=True)
 class DrivePrior:
-    """A drive with the distributions of all its fields that are not known exactly.
+    """A drive with the distributions of all fields that are not known exactly.
 
-    fitted: identified fields, by path, which are points: they were fitted to a measurement and carry no range.
+    fitted: paths of identified fields without a range, because a fit to a measurement gave only their values.
     """
 
     drive: Drive
@@ -97,13 +100,13 @@ class DrivePrior:
     def counts(self) -> dict[str, int]:
         """Return the number of uncertain inputs of each kind; the kinds add up to the number of fields.
 
-        Kinds: "assumed" within a range by the preset's source, "default" within the usual range of a field that the
-        preset leaves out, "unknown" without any value, "stated" with an uncertainty, "fitted" together to
-        measurements, "derived" from the catalogue's backlash.
+        The kinds are "assumed" (within a range from the preset's source), "default" (within the usual range of a field
+        that the preset omits), "unknown" (without any value), "stated" (with an uncertainty), "fitted" (jointly to
+        measurements) and "derived" (from the catalogue's backlash).
         """
         counts = dict.fromkeys(("assumed", "default", "unknown", "stated", "fitted", "derived"), 0)
         kind_of_distribution = {"normal": "stated", "drawn": "fitted", "meshing": "derived"}
-        # each field counts under the reason why it is uncertain
+        # each field counts under the reason for its uncertainty
         for field in self.fields:
             if field.distribution in kind_of_distribution:
                 kind = kind_of_distribution[field.distribution]
@@ -116,38 +119,41 @@ class DrivePrior:
 
     @property
     def meshing(self) -> tuple[int, FieldPrior] | None:
-        """The shift of the rigid wheel where it follows from all else, and its place among the fields."""
+        """The profile shift of the circular spline if it follows from other fields, with its index among the fields."""
         for place, field in enumerate(self.fields):
             if field.distribution == "meshing":
                 return place, field
         return None
 
     def shares(self, count: int, seed: int = 0) -> Array:
-        """Return joint draws as shares of each field's probability and a spare, shape (count, fields + 1).
+        """Return joint draws as shares of each field's probability and a spare share, shape (count, fields + 1).
 
-        A scrambled Sobol sequence: of more draws by the same seed the first are the same.
+        They are a scrambled Sobol sequence, so a larger count with the same seed only adds draws.
         """
-        # one coordinate for each field, and a spare one for whoever draws along with them
+        # one coordinate per field, and a spare one for the caller
         return self.joined(sobol_points(count, len(self.fields) + 1, seed))
 
     def joined(self, shares: Array) -> Array:
-        """Return shares with fields that were fitted together at one draw of their fit, that of the first such field.
+        """Return shares in which jointly fitted fields belong to one draw of their fit.
 
-        shares: of each field's probability, shape (draws, at least fields), as is the result.
+        The share of the first such field selects the draw.
+
+        shares: shares of each field's probability, shape (draws, at least fields), which is also the shape of the
+            result.
         """
         fitted = [k for k, field in enumerate(self.fields) if field.draws]
         joined = shares.copy()
-        # parameters of a fit are correlated: they are taken from one draw of the fit
+        # parameters of a fit are correlated, so all come from one draw of the fit
         for k in fitted:
             joined[:, k] = self.fields[k].joined(shares[:, fitted[0]])
         return joined
 
     def values(self, shares: Array) -> list[dict[str, float]]:
-        """Return the values of draws by path, without a shift that follows from them.
+        """Return the values of draws by path, except a profile shift that follows from them.
 
-        shares: of each field's probability, shape (draws, at least fields).
+        shares: shares of each field's probability, shape (draws, at least fields).
         """
-        # by column, since a distribution works on all draws at once
+        # by column, because a distribution processes all draws at once
         columns = {
             field.path: field.value(shares[:, k]).tolist()
             for k, field in enumerate(self.fields)
@@ -157,13 +163,13 @@ class DrivePrior:
 
 
 def prior_of(drive: Drive) -> DrivePrior:
-    """Return the prior of a drive, made from its preset alone.
+    """Return the prior of a drive, which its preset determines.
 
-    Teeth mesh without play where a catalogue says so: the rigid wheel's shift follows, if it is assumed.
-    A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
-    over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
-    not given is even up to the largest that its part may have, its direction even around. One that was fitted with
-    others is drawn with them, while it has the value of their fit. All others are points.
+    A field with an uncertainty is normal. A field that is assumed, or has a default with a plausible range, is uniform
+    over its range, or in the logarithm if the range is positive and spans more than a factor of 4. An unspecified
+    deviation is uniform up to the largest plausible size of its part, with any direction. A jointly fitted field is
+    drawn with its fit, as long as it has the fitted value. If the catalogue states a backlash, the profile shift of
+    the circular spline follows, provided that it is only assumed. All other fields are exact.
     """
     knowledge = _Knowledge.of(drive)
     candidates = [knowledge.field_prior(path) for path in measures() if not path.startswith(EVIDENCE)]
@@ -175,12 +181,12 @@ def prior_of(drive: Drive) -> DrivePrior:
 
 @dataclass(frozen=True, eq=False)
 class _Knowledge:
-    """What the preset of a drive states of its fields, by path.
+    """Statements of a preset on the fields of a drive, by path.
 
     uncertain: expanded uncertainty (k = 2) of values that have one.
-    fitted: equally likely values of fields that were fitted together.
-    assumed: ranges of values that are assumed or left to a default.
-    unknown: ranges of deviations that are not given.
+    fitted: equally probable values of jointly fitted fields.
+    assumed: ranges of values that are assumed or defaults.
+    unknown: ranges of unspecified deviations.
     """
 
     drive: Drive
@@ -191,12 +197,12 @@ class _Knowledge:
 
     @classmethod
     def of(cls, drive: Drive) -> _Knowledge:
-        """Return what the preset of a drive states of its fields."""
+        """Return the statements of a drive's preset on its fields."""
         assumed = {assumption.path: assumption for assumption in assumptions(drive)}
         uncertain = {
             path: spread for path, spread in drive.uncertainty.items() if spread and drive.value(path) is not None
         }
-        # the direction of a deviation of size 0 matters where that size may be another
+        # the direction of a deviation of size 0 matters if its true size may differ
         largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
         largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
         fitted = {
@@ -214,7 +220,7 @@ class _Knowledge:
         )
 
     def field_prior(self, path: str) -> FieldPrior | None:
-        """Return the prior of a field by the first statement on it; None if the field is a point."""
+        """Return the prior of a field from the first applicable statement; None if the field is exact."""
         if path in self.uncertain:
             value = self.drive.number(path)
             spread = self.uncertain[path]
@@ -264,12 +270,18 @@ def _deviation_groups() -> dict[str, str]:
 
 
 def _shift_of_backlash(drive: Drive, play_arcsec: float) -> float:
-    """Return the shift of the rigid wheel [modules] beyond the meshing one at which a drive has some backlash."""
+    """Return the profile shift of the circular spline beyond the meshing one that gives a backlash [modules].
+
+    play_arcsec: backlash [arcsec].
+    """
     return float(play_arcsec / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha)))
 
 
 def _follows(drive: Drive) -> bool:
-    """Return whether the shift of the rigid wheel follows: it is only assumed, and no value was identified with it."""
+    """Return whether the profile shift of the circular spline follows from other fields.
+
+    It does if it is only assumed and no value was identified together with it.
+    """
     source = drive.source.get(RIGID_SHIFT)
     if source is None or source.kind != "assumed" or is_overridden(RIGID_SHIFT, drive.origin.overrides):
         return False
@@ -277,7 +289,10 @@ def _follows(drive: Drive) -> bool:
 
 
 def owner_of(drive: Drive, path: str) -> _FieldOwner:
-    """Return whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
+    """Return the owner of the value of a field: the design, a single drive, or its assembly.
+
+    path: path of the field.
+    """
     if path in (*standing_offset(drive), "harmonics.a_s2", "harmonics.xi_s2"):
         return "assembly"
     if path.startswith(("tolerances.", "phases.", "harmonics.")) or path in _DRIVES_OWN:
@@ -289,7 +304,7 @@ _DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # cle
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
-    """Return the drive without the harmonics that measured teeth replace, and the prior of its open inputs."""
+    """Return the drive without the harmonics that measured teeth replace, and the prior of its uncertain inputs."""
     if measured is None:
         return drive, prior_of(drive)
     bare = measured.without_harmonics(drive)

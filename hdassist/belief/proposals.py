@@ -1,11 +1,12 @@
-"""Draws nearer the evidence: of stiffness, by the field it narrows most, and of F'_ior, by tables of the error.
+"""Draws closer to the reference data: for stiffness by the field most affected, for F'_ior by tables of the error.
 
-Importance sampling: each draw is weighted by one over the density that it was drawn with, so that weighted statistics
-stay those of the prior and the evidence. The density is nowhere less than a share of the prior's.
+Importance sampling: the weight of each draw is divided by the density with which it was drawn, so that weighted
+statistics remain those of prior and reference data. The density is nowhere below a share of that of the prior.
 
-A table (error/error_map.py) costs as much as some searches, a drive read off it hardly any. Turning the wheel forward
-is turning back all that stands: a draw whose offset points one step further has, one position further, the F'_ior of
-the draw before it. So each draw is read in all directions of what stands, and all positions of it cost one F'_ior each.
+A table (error/error_map.py) takes as long as some searches, and reading a drive from it almost no time. Turning the
+wheel forwards is equivalent to turning all stationary deviations backwards. Therefore F'_ior of a draw whose
+eccentricity points one step further equals, one position further, that of the original draw. Each draw is read with the
+stationary deviations in all directions, and each of its positions takes only one reading.
 """
 
 from __future__ import annotations
@@ -37,30 +38,33 @@ from hdassist.preset.fields import Drive, deviation_sizes
 from hdassist.solve.answers import EMPTY, Certificate
 
 _Pilot = Sequence[Mapping[str, float]]  # figures of the first draws, by name
-PILOT_DRAWS = 64  # draws from the prior, by which the others are proposed
-_CELLS = 16  # equal parts of the field's probability, in each of which the density is the same
-LEAST_DENSITY = 0.15
-_CHANCE_OF_STEERING = 0.01  # of any field at all to seem narrowed where the evidence narrows none
+PILOT_DRAWS = 64  # number of draws from the prior, from which the proposal of further draws is derived
+_CELLS = 16  # number of equal parts of the field's probability with constant density
+LEAST_DENSITY = 0.15  # smallest density of a proposal over that of the prior
+_CHANCE_OF_STEERING = 0.01  # probability that any field seems affected although the reference data affect none
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A density over the probability of a field, by its place in the prior, in equal cells, 1 on average."""
+    """A density over the probability of a field, in equal cells, with mean 1.
+
+    field: index of the field in the prior.
+    """
 
     field: int
     density: tuple[float, ...]
 
     def drawn(self, shares: Array) -> tuple[Array, Array]:
-        """Return draws of the prior moved to this density, and the density at each of them.
+        """Return draws of the prior transformed to this density, and the density at each of them.
 
-        shares: of the prior's draws, shape (draws, at least fields); the moved ones have the same shape.
+        shares: shares of the prior's draws, shape (draws, at least fields); the transformed draws have the same shape.
         """
         cells = len(self.density)
-        # inverse of the distribution function: equal steps in, steps by density out
+        # inverse distribution function: equal input steps give output steps according to the density
         edges = np.cumsum((0.0, *self.density)) / cells  # probability of the density below each edge of a cell
         moved = shares.copy()
         moved[:, self.field] = np.interp(shares[:, self.field], edges, np.linspace(0, 1, cells + 1))
-        # the density at a draw divides its weight, so the prior is unchanged
+        # the weight of a draw is divided by its density, so the prior is unchanged
         cell = np.clip(np.searchsorted(edges, shares[:, self.field], side="right") - 1, 0, cells - 1)
         return moved, np.array(self.density)[cell]
 
@@ -73,16 +77,17 @@ def proposed_draws(
     last: int,
     seed: int,
 ) -> tuple[Array, Array]:
-    """Return draws as shares of each field's probability and a spare, and their density, shape (draws,).
+    """Return draws as shares of each field's probability and a spare share, and their density, shape (draws,).
 
-    prior: of the drive.
-    evidence: on the drive.
-    pilot: figures of the first draws, PILOT_DRAWS of them if `first` is not below that.
-    first, last: numbers of the draws, from the first to before the last.
-    seed: of the draws.
+    prior: prior of the drive.
+    evidence: reference data on the drive.
+    pilot: figures of the first draws, PILOT_DRAWS of them if `first` is at least that number.
+    first, last: number of the first draw, and of the draw after the last.
+    seed: seed of the draws.
     """
     shares = prior.shares(last, seed)
-    independent = [k for k, field_prior in enumerate(prior.fields) if not field_prior.draws]  # a fit draws its together
+    # fields of a fit are drawn jointly
+    independent = [k for k, field_prior in enumerate(prior.fields) if not field_prior.draws]
     # the pilot itself is drawn from the prior
     if not independent or first < PILOT_DRAWS:
         pilot = ()
@@ -97,33 +102,33 @@ def proposal_of(
     evidence: tuple[Evidence, ...],
     pilot: _Pilot,
 ) -> Proposal | None:
-    """Return the proposal by the stiffness of the first draws; None if no field alone explains it.
+    """Return the proposal from the stiffness of the first draws; None if no single field explains it.
 
-    The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
-    that of weighted draws as far as Legendre's first two polynomials have it.
+    The field is the one whose share x, with its square, explains most of the log likelihood in a regression. The
+    density follows from the weighted draws by Legendre's first two polynomials.
 
-    shares: of the first draws, those that did not go on included, shape (draws, at least fields).
-    evidence: on the drive.
+    shares: shares of the first draws, including those that were not solved further, shape (draws, at least fields).
+    evidence: reference data on the drive.
     pilot: figures of these draws.
     """
-    # stiffness is known from the contact system alone, before any error is solved
+    # stiffness follows from the contact system alone, before any error is solved
     log_of_draw = stiffness_log_likelihoods(evidence, pilot)
     draws = list(log_of_draw)
     y = np.array(list(log_of_draw.values()))
-    # too few drives among the pilot, or evidence that all of them meet alike
+    # too few valid drives in the pilot, or reference data that all of them meet equally
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None
     x = 2 * shares[draws, :-1] - 1
-    # which field alone explains most of the log likelihood
+    # find the single field that explains most of the log likelihood
     unexplained = np.array([_unexplained_share(column, y) for column in x.T])
     field = int(np.argmin(unexplained))
-    free = len(y) - 3  # degrees of freedom beside the mean, the share and its square
+    free = len(y) - 3  # degrees of freedom apart from the mean, the share and its square
     # F test of the parabola with 2 and `free` degrees of freedom
     F_ratio = (1 / unexplained[field] - 1) * free / 2
-    # divided by the number of fields, as the best of many is looked at
+    # divided by the number of fields, because the best of many is tested
     if fdtrc(2, free, F_ratio) > _CHANCE_OF_STEERING / len(unexplained):
         return None
-    # moments of the posterior of this field, over the pilot
+    # posterior moments of this field, over the pilot
     weights = np.exp(y) / np.exp(y).sum()
     mean = weights @ x[:, field]
     mean_square = weights @ x[:, field] ** 2
@@ -131,7 +136,7 @@ def proposal_of(
 
 
 def _legendre_density(mean: float, mean_square: float) -> tuple[float, ...]:
-    """Return a density over -1 to 1 in equal cells, by the moments of x: 1 on average, at least LEAST_DENSITY.
+    """Return a density over -1 to 1 in equal cells from the moments of x, with mean 1 and at least LEAST_DENSITY.
 
     p(x) = 1 + 3 E[P_1] P_1(x) + 5 E[P_2] P_2(x), with P_1 = x and P_2 = (3 x^2 - 1)/2.
     """
@@ -139,15 +144,18 @@ def _legendre_density(mean: float, mean_square: float) -> tuple[float, ...]:
     # Legendre polynomials 1, x and (3 x^2 - 1)/2 with the given moments
     series = 1 + 3 * mean * middles + 5 / 4 * (3 * mean_square - 1) * (3 * middles**2 - 1)
     density = np.maximum(series, 0)
-    # a floor bounds the weights: no sample counts more than 1/LEAST_DENSITY
+    # the smallest density bounds the weights: no sample has a weight above 1/LEAST_DENSITY
     return tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist())
 
 
 def stiffness_log_likelihoods(evidence: tuple[Evidence, ...], pilot: _Pilot) -> dict[int, float]:
-    """Return the log likelihood of the stiffness of first draws, by their place; without those that have none."""
+    """Return the log likelihood of the stiffness of each pilot draw, by index.
+
+    Draws without stiffness figures are omitted.
+    """
     log_of_draw = {}
     for place, figures in enumerate(pilot):
-        # a draw that made no drive has none
+        # a draw that is not a valid drive has no figures
         if figures.keys() >= {*STIFFNESS_FIGURES}:
             stiffness = {name: figures[name] for name in STIFFNESS_FIGURES}
             log_of_draw[place] = log_likelihood(evidence, stiffness)
@@ -159,20 +167,21 @@ def _unexplained_share(x: Array, y: Array) -> float:
     return float(np.var(y - np.polyval(np.polyfit(x, y, 2), x)) / np.var(y))
 
 
-_FINEST = 36  # directions that a draw is read in, at most
-_COARSEST = 8  # and at least
-_KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
-_OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
-_SEARCHED_DRAWS = 20  # draws of a drive that are searched, of which one is chosen
-_READ_ERROR = 0.1  # relative, of F'_ior read off a table, in the likelihood by which a draw is proposed
-_LEAST_PROPOSED = 0.1  # density of the proposal of a draw over the prior's, at least
+_FINEST = 36  # largest number of directions in which a draw is read
+_COARSEST = 8  # smallest number of directions in which a draw is read
+_KNOWN_DIRECTION = 8  # factor for the number of draws if each counts in only one direction
+# direction of the ovality that the seat causes in the circular spline, stationary if that wheel is fixed
+_OVALITY = "harmonics.xi_s2"
+_SEARCHED_DRAWS = 20  # number of draws of a drive found by search, from which some are chosen
+_READ_ERROR = 0.1  # relative error of F'_ior from a table, in the likelihood with which a draw is proposed
+_LEAST_PROPOSED = 0.1  # smallest density of the proposal of a draw over that of the prior
 
 
 @dataclass(frozen=True)
 class TableEffort:
-    """Draws of the deviations, the mesh of the table, and how many drives are searched to see what it misses.
+    """Number of draws of the deviations, mesh of the table, and number of drives searched to measure its error.
 
-    The usual mesh misses F'_ior of vzp160 by 3 %, beside the mean.
+    The usual mesh has an F'_ior error of 3 % for vzp160, apart from its mean.
     """
 
     deviations: int = 64
@@ -182,12 +191,13 @@ class TableEffort:
 
 @dataclass(frozen=True, eq=False)
 class TabledErrors:
-    """F'_ior of draws of the deviations of a drive, with what stands turned in equal steps.
+    """F'_ior of draws of the deviations of a drive, with the stationary deviations turned in equal steps.
 
-    F_ior_arcsec, shape (torques, draws, directions); tested_arcsec, what a test of the accuracy reads at the first
-    torque, shape (draws, directions); log_missed, logarithm of the exact F'_ior of some of them over
-    that, shape (torques, compared); values of the deviations by path, shape (draws, directions); shares of the
-    probability of those that are open, shape (draws, fields).
+    F_ior_arcsec: F'_ior [arcsec], shape (torques, draws, directions).
+    tested_arcsec: reading of an accuracy test at the first torque [arcsec], shape (draws, directions).
+    log_missed: logarithm of exact F'_ior over that of the table, for some draws, shape (torques, compared).
+    values: values of the deviations by path, shape (draws, directions) each.
+    shares: shares of the probability of the open deviations, shape (draws, fields).
     """
 
     F_ior_arcsec: Array
@@ -204,20 +214,21 @@ def open_deviations(prior: DrivePrior) -> tuple[FieldPrior, ...]:
 
 
 def _directions_of(drive: Drive) -> int:
-    """Return the number of directions that draws are read in: the seat's holes, or some in each of them."""
+    """Return the number of directions in which draws are read, a multiple of the seat's holes if these are few."""
     holes = drive.mounting.holes
-    # whole directions for each hole, so that holes are read without interpolation
+    # whole directions for each hole, so that reading in holes needs no interpolation
     return holes * -(-_COARSEST // holes) if 0 < holes <= _FINEST else _FINEST
 
 
 def any_direction(prior: DrivePrior) -> bool:
-    """Return whether every direction of what stands is equally likely; else draws count in the one that they have.
+    """Return whether every direction of the stationary deviations is equally probable.
 
-    A standing ovality whose direction is known does not turn with the offset.
+    Otherwise draws count only in the direction that they have. A stationary ovality of known direction does not turn
+    with the eccentricity.
     """
     drive = prior.drive
     prior_of_path = {field_prior.path: field_prior for field_prior in prior.fields}
-    # if nothing fixes what stands, one drive serves in every direction
+    # if the direction is unknown, one drive serves in every direction
     turn = prior_of_path.get(standing_offset(drive)[1])
     ovality = prior_of_path.get(_OVALITY)
     is_oval = drive.mounting.fixed == "rigid" and drive.value("harmonics.a_s2") != 0
@@ -233,17 +244,18 @@ def tabled_errors(
     seed: list[int],
     other: DrivePrior | None = None,
 ) -> TabledErrors:
-    """Return draws of the deviations that a prior leaves open, and their F'_ior with all else of a drive.
+    """Return draws of the deviations that a prior leaves open, with their F'_ior on the system of a drive.
 
-    maps: of the drive, one a torque.
-    prior: of the deviations.
-    effort: of the table.
-    seed: of these draws; its last number is that of the drive among others.
-    other: a prior of which fewer draws stand behind these, each to be counted in the direction that it has.
+    maps: error maps of the drive, one per torque.
+    prior: prior of the deviations.
+    effort: effort for the table.
+    seed: seed of these draws, whose last number is that of the drive among others.
+    other: a prior from which fewer draws follow these, each of which counts only in its own direction.
+
     Raises UntrustedError if a state cannot be trusted.
     """
     shares, columns = _draws(prior, effort.deviations, seed)
-    # draws in one direction only, of the same sizes
+    # draws in a single direction, from the same fields
     if other:
         _, directed = _draws(other, effort.deviations // _KNOWN_DIRECTION, seed, tuple(columns))
         columns = {path: np.concatenate([values, directed[path]]) for path, values in columns.items()}
@@ -270,11 +282,11 @@ def tabled_errors(
 def _tested(
     error_map: ErrorMap, table: ErrorTable, columns: Mapping[str, Array], F_ior: Array, seed: Sequence[int]
 ) -> Array:
-    """Return what a test of the accuracy reads [arcsec], shape (draws,).
+    """Return the readings of an accuracy test [arcsec], shape (draws,).
 
     columns: values of the deviations by path, shape (draws,) each.
-    F_ior: the whole of F'_ior [arcsec], shape (draws,).
-    seed: of the first positions.
+    F_ior: F'_ior over the full mesh cycle [arcsec], shape (draws,).
+    seed: seed of the first positions.
     """
     positions = tested_positions(error_map.drive.catalogue.accuracy_test)
     if not positions:
@@ -284,8 +296,8 @@ def _tested(
 
 
 def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
-    """Return tables of the error, one a torque, that reach as far as the largest deviations of some draws."""
-    # the table reaches as far as the largest drawn size, in any direction
+    """Return tables of the error, one per torque, that span the largest deviations of the draws."""
+    # the table spans the largest drawn size in any direction
     largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
     reach = Reach.of(maps[0].drive.with_values(largest))
     return [error_table(error_map, reach, mesh) for error_map in maps]
@@ -296,27 +308,27 @@ def _compared_columns(
     count: int,
     number: int,
 ) -> dict[str, Array]:
-    """Return the values of the first draws by path, shape (count,), each in another direction.
+    """Return the values of the first draws by path, shape (count,) each, each draw in a different direction.
 
     columns: values by path, shape (draws, directions).
-    number: that of the drive, by which the direction of its first draw is chosen.
+    number: number of the drive, which selects the direction of its first draw.
     """
     rows = np.arange(count)
-    # steps of five directions spread the drives over the seat
+    # steps of five directions distribute the drives over the seat
     return {path: values[rows, (number + 5 * rows) % values.shape[1]] for path, values in columns.items()}
 
 
 def _log_missed(
     maps: Sequence[ErrorMap], tables: Sequence[ErrorTable], columns: Mapping[str, Array]
 ) -> tuple[Array, Certificate]:
-    """Return ln of the exact F'_ior over that of the tables, shape (torques, drives), and the proof of the exact one.
+    """Return the log ratio of exact F'_ior to that of the tables, shape (torques, drives), and the certificate.
 
     columns: values of the deviations of the compared drives by path, shape (drives,) each.
     """
     log_missed = []
     proof = EMPTY
     for error_map, table in zip(maps, tables, strict=True):
-        # the same search that samples have
+        # the same search as for samples
         exact = many_extremes(error_map, Batch(error_map.drive, columns), DRAWN_GRIDS)
         log_missed.append(log_error(exact.F_ior_arcsec) - log_error(table.F_ior(columns)))
         proof += exact.certificate
@@ -328,20 +340,22 @@ def turned_errors(
     rotations_deg: Sequence[float],
     places: NDArray[np.int64],
 ) -> Array:
-    """Return F'_ior with the wheel turned [arcsec], shape (places, rotations): that of directions less by as much.
+    """Return F'_ior with the wheel turned [arcsec], shape (places, rotations).
 
-    F_ior: as the wheel stands [arcsec], shape (draws, directions).
-    rotations_deg: turns of the wheel [deg].
-    places: flat places among draws and directions.
+    A rotation of the wheel is equivalent to the opposite rotation of the directions.
+
+    F_ior: F'_ior in the present position [arcsec], shape (draws, directions).
+    rotations_deg: rotations of the wheel [deg].
+    places: flat indices into draws and directions.
     """
     count = F_ior.shape[1]
-    # places are flat over draws and directions
+    # places are flat indices into draws and directions
     draw, direction = np.divmod(places, count)
-    # rounded, so that 120 deg of 36 directions is 12 steps and not 11.999
+    # rounded, so that 120 deg out of 36 directions is 12 steps and not 11.999
     steps, fraction = np.divmod(np.round(np.multiply(rotations_deg, count) / 360, 9), 1)
-    # turning the wheel forwards is turning what stands backwards
+    # turning the wheel forwards is equivalent to turning the stationary deviations backwards
     turned = direction[:, None] - steps.astype(int)
-    # linear between the two directions beside it
+    # linear interpolation between the two nearest directions
     nearer, farther = (F_ior[draw[:, None], (turned - j) % count] for j in (0, 1))
     return np.asarray((1 - fraction) * nearer + fraction * farther)
 
@@ -350,8 +364,8 @@ def turned_errors(
 class ProposedDeviations:
     """A draw of the open deviations.
 
-    shares: of the probability of each of them, by path.
-    density: that they were drawn with, over the prior's; infinite if they were drawn before.
+    shares: share of the probability of each of them, by path.
+    density: density with which they were drawn over that of the prior; infinite for a repeated draw.
     """
 
     shares: Mapping[str, float]
@@ -360,10 +374,10 @@ class ProposedDeviations:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """Draws of a table from which those near the measured F'_ior are chosen, each in a direction.
+    """Draws of a table, each in one direction, from which those near the measured F'_ior are chosen.
 
-    places: flat places among draws and directions, shape (candidates,).
-    density: with which each is proposed, over the prior's, shape (candidates,).
+    places: flat indices into draws and directions, shape (candidates,).
+    density: density with which each is proposed over that of the prior, shape (candidates,).
     """
 
     table: TabledErrors
@@ -371,17 +385,20 @@ class _Candidates:
     density: Array
 
     def columns(self, rows: NDArray[np.int64]) -> dict[str, Array]:
-        """Return values of the deviations of some candidates by path, shape (rows,) each."""
+        """Return values of the deviations of the selected candidates by path, shape (rows,) each."""
         return {path: values.ravel()[self.places[rows]] for path, values in self.table.values.items()}
 
 
 @dataclass(frozen=True)
 class DeviationProposal:
-    """Draws of the deviations near F'_ior as measured: which errors, and how many draws each is chosen from.
+    """Draws of the deviations near the measured F'_ior.
 
-    Importance sampling: a draw is chosen by its likelihood with F'_ior of a table, and weighted by one over the density
-    that it was chosen with, so that weighted statistics stay those of the prior and the evidence. So many draws share
-    all else of a drive, whose table costs more than they.
+    Importance sampling: a draw is chosen by its likelihood with F'_ior from a table, and its weight is divided by the
+    density with which it was chosen, so that weighted statistics remain those of prior and reference data. Several
+    draws share all other fields of a drive, because its table takes longer than they do.
+
+    errors: measured values of F'_ior.
+    draws: number of draws per drive.
     """
 
     prior: DrivePrior
@@ -391,19 +408,21 @@ class DeviationProposal:
     draws: int = 4
 
     def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[ProposedDeviations], Certificate]:
-        """Return draws of the open deviations near F'_ior as measured, and the proof.
+        """Return draws of the open deviations near the measured F'_ior, and the certificate.
 
-        Importance sampling in two steps: F'_ior of a table proposes _SEARCHED_DRAWS drives, and F'_ior that is searched
-        for these chooses among them. A draw that was chosen before has an infinite density, and that one less.
+        Importance sampling in two steps: F'_ior from a table proposes _SEARCHED_DRAWS drives, and their F'_ior from a
+        search selects some of them. A repeated draw has an infinite density, and the density of the first one is
+        smaller accordingly.
 
-        maps: of a drive with all else, those at the torques of the errors among them.
-        number: of the drive.
+        maps: error maps of a drive with all other fields, including those at the torques of the measured values.
+        number: number of the drive.
+
         Raises UntrustedError if a state cannot be trusted.
         """
         map_of_torque = {
             error_map.M_g: error_map for error_map in maps if any(datum.M_g == error_map.M_g for datum in self.errors)
         }
-        # cheap: read from a table
+        # readings from a table take little time
         candidates = self._candidates(map_of_torque, number)
         rng = np.random.default_rng([self.seed, number])
         probability = candidates.density / candidates.density.sum()
@@ -416,33 +435,33 @@ class DeviationProposal:
         F_ior, proof = self._searched(map_of_torque, candidates.columns(searched))
         log = log_likelihood_of_errors(F_ior, *values_of_errors(self.errors))
         likelihood = np.exp(log - log.max())
-        # target over proposal
+        # target density over proposal density
         ratio = likelihood / candidates.density[searched]
         # systematic resampling: as many even steps over the cumulative weight as draws
         even = (rng.random() + np.arange(self.draws)) / self.draws
         steps = np.searchsorted(np.cumsum(ratio / ratio.sum()), even)
         chosen = np.minimum(steps, _SEARCHED_DRAWS - 1)
         places = candidates.places[searched[chosen]]
-        # the density of the whole two-stage proposal at the chosen draws
+        # density of the two-stage proposal at the chosen draws
         density = likelihood[chosen] / ratio.mean()
         proposals = self._without_repetition(candidates.table, places, density)
         return proposals, candidates.table.certificate + proof
 
     def _candidates(self, map_of_torque: Mapping[float, ErrorMap], number: int) -> _Candidates:
-        """Return the draws of the table of a drive, with the density by which they are proposed."""
+        """Return the draws of the table of a drive, with the density with which they are proposed."""
         table = tabled_errors(list(map_of_torque.values()), self.prior, self.effort, [self.seed, number])
         torques = list(map_of_torque)
-        # flat places, shape (draws, directions)
+        # flat indices, shape (draws, directions)
         place_of = np.arange(table.F_ior_arcsec[0].size).reshape(len(table.shares), -1)
         places = place_of.ravel() if any_direction(self.prior) else place_of[:, 0]
-        # F'_ior at each measured value's torque and turn, shape (places, 1) each
+        # F'_ior at the torque and rotation of each measured value, shape (places, 1) each
         as_measured = [
             turned_errors(table.F_ior_arcsec[torques.index(datum.M_g)], [datum.rotation_deg], places)
             for datum in self.errors
         ]
         log = log_likelihood_of_errors(np.hstack(as_measured), *values_of_errors(self.errors), _READ_ERROR)
         likelihood = np.exp(log - log.max())
-        # a floor, since a table may miss what the search finds
+        # a smallest density, because a table may miss drives that the search finds
         density = _LEAST_PROPOSED + (1 - _LEAST_PROPOSED) * likelihood / likelihood.mean()
         return _Candidates(
             table=table,
@@ -453,7 +472,9 @@ class DeviationProposal:
     def _searched(
         self, map_of_torque: Mapping[float, ErrorMap], columns: Mapping[str, Array]
     ) -> tuple[Array, Certificate]:
-        """Return F'_ior of drives as it was measured [arcsec], shape (drives, values), and the proof of the search.
+        """Return F'_ior of drives under the conditions of the measured values [arcsec], shape (drives, values).
+
+        The second result is the certificate of the search.
 
         columns: values of the deviations by path, shape (drives,) each.
         """
@@ -477,21 +498,21 @@ class DeviationProposal:
         places: NDArray[np.int64],
         density: Array,
     ) -> list[ProposedDeviations]:
-        """Return the chosen draws; one that was chosen again stands once, with the weight of all its repetitions.
+        """Return the chosen draws without repetition, each with the total weight of its repetitions.
 
-        places: of the chosen draws among draws and directions of the table, shape (chosen,).
-        density: of each of them, over the prior's, shape (chosen,).
+        places: flat indices of the chosen draws into draws and directions of the table, shape (chosen,).
+        density: density of each over that of the prior, shape (chosen,).
         """
         proposals = []
         for k, place in enumerate(places):
-            # an infinite density gives the repeated draw a weight of 0
+            # an infinite density gives a repeated draw a weight of 0
             repetitions = np.inf if place in places[:k] else 1 / np.count_nonzero(places == place)
             shares = self._shares_at(table, place)
             proposals.append(ProposedDeviations(shares=shares, density=float(density[k] * repetitions)))
         return proposals
 
     def _shares_at(self, table: TabledErrors, place: np.int64) -> dict[str, float]:
-        """Return the shares of the open deviations at a flat place among draws and directions, by path."""
+        """Return the shares of the open deviations at a flat index into draws and directions, by path."""
         draw, direction = np.divmod(place, table.F_ior_arcsec.shape[2])
         fields = open_deviations(self.prior)
         paths = [field_prior.path for field_prior in fields]
@@ -511,7 +532,7 @@ class DeviationProposal:
 
 
 def _standing_directions(drive: Drive) -> tuple[str, ...]:
-    """Return the paths of the directions of deviations that stand with the fixed wheel."""
+    """Return the paths of the directions of stationary deviations."""
     turn = standing_offset(drive)[1]
     return (turn,) if drive.mounting.fixed == "flexspline" else (turn, _OVALITY)
 
@@ -524,12 +545,12 @@ def _draws(
 ) -> tuple[Array, dict[str, Array]]:
     """Return draws of the open deviations: shares of their probability, and values by path, shape (draws, directions).
 
-    What stands is turned by equal steps. A prior without open deviations has one draw.
+    The stationary deviations are turned in equal steps. A prior without open deviations has one draw.
 
-    prior: of the drive.
+    prior: prior of the drive.
     count: number of draws if each counts in every direction.
-    seed: of the draws.
-    paths: of further fields, known by this prior.
+    seed: seed of the draws.
+    paths: paths of further fields, whose values this prior knows.
     """
     drive = prior.drive
     directions = _directions_of(drive)
@@ -543,7 +564,7 @@ def _draws(
     shares = sobol_points(2 ** int(np.ceil(np.log2(count))), len(fields), seed)
     values = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *standing, *paths)}
     values |= {field_prior.path: field_prior.value(shares[:, k]) for k, field_prior in enumerate(fields)}
-    if is_any_direction:  # each direction has its own part of the turn
+    if is_any_direction:  # each direction has its own part of the revolution
         values[standing[0]] = values[standing[0]] / directions
     turns_deg = 360 / directions * np.arange(directions)
     columns = {}

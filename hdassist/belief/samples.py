@@ -1,7 +1,7 @@
-"""Weighted samples of a drive: joint draws of all that is not known, each solved, weighted by the evidence.
+"""Weighted samples of a drive: joint draws of all unknown inputs, solved and weighted by the reference data.
 
-Importance sampling: draws come from the prior, then from a proposal nearer the evidence, and are weighted by their
-likelihood over its density.
+Importance sampling: draws come from the prior, then from a proposal closer to the reference data. Their weight is their
+likelihood over the density of the proposal.
 """
 
 from __future__ import annotations
@@ -43,22 +43,25 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
-FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draws leave no more
-_FEWEST_AT_ONCE = 4  # draws
-_SETS = 4  # sets of deviations on each contact system if all holes are equal
-_HOPELESS = 256  # draws of which none has an answer: no more are made
-_ROUNDING = 1e-9  # relative rounding of an effective sample size: equal weights give a whole number
-_CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
+EFFECTIVE_SAMPLES = 64  # default effective sample size
+FEWEST_SAMPLES = 8  # smallest effective sample size with a result, if all draws give no more
+_FEWEST_AT_ONCE = 4  # smallest number of draws in a batch
+_SETS = 4  # number of sets of deviations on each contact system if all holes are equivalent
+_HOPELESS = 256  # number of draws without any result after which no more are made
+_ROUNDING = 1e-9  # relative rounding error of an effective sample size, because equal weights give a whole number
+_CONTRADICTION = 300.0  # factor by which the mean likelihood grows without a figure that contradicts the other figures
 
 
 @dataclass(frozen=True)
 class SamplingEffort:
-    """Limits of sampling: effective samples at least, draws for a purpose and in all at most, and draws at a time.
+    """Limits of sampling.
 
-    Draws for a purpose are those that are made for no more than to settle it, once so many samples are effective.
-    least: effective samples that an answer takes once all draws are made; None: as many as at least. for_action: there
-    is one also where a figure contradicts the others, which no claim is made of.
+    effective: smallest effective sample size.
+    settling_draws: largest number of draws made only to settle a limit, once the effective sample size is reached.
+    most_draws: largest total number of draws.
+    batch: number of draws in a batch.
+    least: effective sample size that is accepted after all draws; None for `effective`.
+    for_action: whether there is also a result if a figure contradicts the others; such a result supports no claim.
     """
 
     effective: int = EFFECTIVE_SAMPLES
@@ -70,10 +73,10 @@ class SamplingEffort:
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
-        """Return the effort for at least so many effective samples, with 16 times as many draws to settle a limit."""
+        """Return the effort for a smallest effective sample size, with 16 times as many draws to settle a limit."""
         return cls(
             effective=effective,
-            # a verdict near its limit is allowed that many draws before it stays open
+            # largest number of draws for a verdict near its limit before it stays open
             settling_draws=16 * effective,
             most_draws=32 * effective,
             batch=min(16, effective),
@@ -85,14 +88,22 @@ class SamplingEffort:
 class Samples:
     """Weighted samples of a drive.
 
-    torques [N*m]; shares: of each field's probability, shape (samples, fields); F_ior_arcsec, shape (samples, torques);
-    figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
-    made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
-    turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
-    draw, also those without an answer; stages: these samples as they grew, from the fewest that are enough for a range;
-    few: words where fewer are effective than were asked for; further_arcsec: F'_ior of further sets of deviations on
-    the contact system of each sample, shape (samples, sets, torques), and further_weights, shape (samples, sets):
-    F'_ior as mounted is stated over all sets.
+    torques: torques [N*m].
+    shares: shares of each field's probability, shape (samples, fields).
+    F_ior_arcsec: F'_ior [arcsec], shape (samples, torques).
+    figures: other predictions by name, shape (samples,) each.
+    weights: weights, shape (samples,).
+    draws: number of draws.
+    refused: number of draws that are not valid drives or have no trustworthy result, by reason.
+    seed: seed of the draws.
+    rotations_deg: rotations of the fixed wheel [deg].
+    turned_arcsec: F'_ior with the fixed wheel turned [arcsec], shape (samples, torques, rotations).
+    made: all draws, including those without a result.
+    stages: these samples in stages of growth, from the smallest number that suffices for a range.
+    few: remark if the effective sample size is smaller than requested.
+    further_arcsec: F'_ior of further sets of deviations on the contact system of each sample [arcsec], shape (samples,
+        sets, torques); F'_ior as mounted is stated over all sets.
+    further_weights: weights of these sets, shape (samples, sets).
     """
 
     prior: DrivePrior
@@ -132,24 +143,27 @@ class Samples:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A remark on numbers that few samples stand for."""
+        """Remark on results from few samples."""
         if not self.few:
             return ()
         return (f"{self.few}, so the numbers are approximate; check the values of the preset, then its assumed ranges",)
 
     @property
     def of_ranges(self) -> Samples:
-        """The first samples, which ranges and influences are of: a limit that takes more of them moves neither."""
+        """The first samples, on which ranges and influences are based, so that further samples do not change them."""
         return self.stages[0] if self.stages else self
 
     @property
     def effective(self) -> float:
-        """Effective number of samples."""
+        """Effective sample size."""
         return effective_number(self.weights)
 
     def values(self, rows: NDArray[np.integer] | None = None) -> list[dict[str, float]]:
-        """Return the values of the drives of some samples by path; rows: places of the samples, None for all."""
-        # rows count samples; refused draws have none
+        """Return the field values of the selected samples, by path.
+
+        rows: indices of the samples; None selects all.
+        """
+        # rows count samples, which do not include refused draws
         draws = [draw for draw in self.made if draw.F_ior_arcsec is not None]
         if rows is None:
             rows = np.arange(len(draws))
@@ -157,25 +171,36 @@ class Samples:
         return [values | draws[row].follows for row, values in zip(rows, drawn, strict=True)]
 
     def equal_drives(self, count: int) -> list[dict[str, float]]:
-        """Return the values of some drives of the same weight by path; count: number of them."""
+        """Return the values of some drives of equal weight by path.
+
+        count: number of drives.
+        """
         return self.values(even_rows(self.weights, count))
 
     def middle_sample(self, torque: int) -> int:
-        """Return the place of the sample whose F'_ior at a torque, by its place, is nearest to the median."""
-        # of the samples that ranges are of, so that it does not move with the limit
+        """Return the index of the sample whose F'_ior at a torque is nearest to the median.
+
+        torque: index of the torque.
+        """
+        # among the samples on which ranges are based, so that it does not depend on the limit
         first = self.of_ranges
         return int(np.abs(first.F_ior_arcsec[:, torque] - first.percentile(0.5, torque)).argmin())
 
     def percentile(self, share: float, torque: int) -> float:
-        """Return a percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
+        """Return a percentile of F'_ior [arcsec].
+
+        share: share of the percentile (0.95).
+        torque: index of the torque.
+        """
         return weighted_quantile(self.sets_arcsec[:, :, torque].ravel(), self.set_weights.ravel(), share)
 
     def keeping(self, accuracy_arcsec: float, torque: int) -> Samples:
-        """Return the same samples, weighted by an accuracy [arcsec] as well, which F'_ior meets.
+        """Return the same samples, with weights that also include an accuracy.
 
-        torque: place of the torque at which it does.
+        accuracy_arcsec: accuracy that F'_ior meets [arcsec].
+        torque: index of the torque at which it does.
         """
-        # the same soft limit by which the accuracy in a catalogue weights samples
+        # the same soft limit by which a catalogue accuracy weights samples
         accuracy = accuracy_evidence(accuracy_arcsec, "unstated")
         likelihood = np.exp(accuracy.log_likelihood(self.F_ior_arcsec[:, torque]))
         likelihood_of_sets = np.exp(accuracy.log_likelihood(self.further_arcsec[:, :, torque]))
@@ -187,27 +212,28 @@ class Samples:
         )
 
     def percentile_error(self, share: float, torque: int) -> float:
-        """Return the Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
-        # binomial error of the share below the percentile
+        """Return the Monte Carlo standard error of a percentile [arcsec], from percentiles one standard error away."""
+        # binomial standard error of the share below the percentile
         error_of_share = np.sqrt(share * (1 - share) / self.effective)
         low = self.percentile(float(np.clip(share - error_of_share, 0, 1)), torque)
         high = self.percentile(float(np.clip(share + error_of_share, 0, 1)), torque)
         return (high - low) / 2
 
     def probability(self, outcome: Callable[[Samples], Array | NDArray[np.bool_]], sure: float = SURE) -> Probability:
-        """Return the probability of an outcome, from the fewest samples that settle a verdict.
+        """Return the probability of an outcome, from the smallest number of samples that settles a verdict.
 
-        As many samples again would hardly change it, so samples that were drawn for another question do not move it.
+        As many further samples would hardly change it, so samples drawn for another question do not affect it.
 
-        outcome: which of some samples have it, shape (samples,).
+        outcome: function that returns whether each sample has the outcome, shape (samples,).
         sure: probability that PASS needs.
         """
         return self._settled([probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)], sure)
 
     def probability_of_sets(self, outcome: Callable[[Array], Array | NDArray[np.bool_]], sure: float) -> Probability:
-        """Return the probability of an outcome of F'_ior as mounted, over all sets of deviations, as probability does.
+        """Return the probability of an outcome of F'_ior as mounted, over all sets, as `probability` does.
 
-        outcome: which sets have it, shape (samples, sets), by their F'_ior [arcsec], shape (samples, sets, torques).
+        outcome: function that returns whether each set has the outcome, shape (samples, sets), from its F'_ior
+            [arcsec], shape (samples, sets, torques).
         sure: probability that PASS needs.
         """
         probabilities = []
@@ -217,15 +243,15 @@ class Samples:
             if stage.set_weights.shape[1] == 1:
                 probabilities.append(probability_of(inside[:, 0], stage.weights))
                 continue
-            # sets on one contact system are not: each system counts as one sample
+            # sets on one contact system are not independent, so each system counts as one sample
             of_system = stage.set_weights.sum(axis=1)
             shares = (stage.set_weights * inside).sum(axis=1) / np.where(of_system > 0, of_system, 1)
             probabilities.append(probability_of_systems(shares, of_system))
         return self._settled(probabilities, sure)
 
     def _settled(self, probabilities: Sequence[Probability], sure: float) -> Probability:
-        """Return the probability of the first stage of which as many samples again would hardly change a verdict."""
-        # the first stable stage: later ones exist because another limit needed them
+        """Return the probability from the first stage after which as many samples would hardly change a verdict."""
+        # later stages exist only because another limit needed them
         stable = [probability for probability in probabilities if probability.is_stable(sure)]
         settled = stable[0] if stable else probabilities[-1]
         return replace(settled, few=bool(self.few))
@@ -236,15 +262,19 @@ class Samples:
         torque: int,
         sure: float = SURE,
     ) -> Probability:
-        """Return the probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
+        """Return the probability that F'_ior at a torque is at most a limit [arcsec].
+
+        torque: index of the torque.
+        """
         return self.probability_of_sets(lambda F_ior: F_ior[:, :, torque] <= limit_arcsec, sure)
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBelief:
-    """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities.
+    """Percentiles and probabilities of F'_ior at one of the torques of samples [arcsec].
 
-    Percentiles (p5, p50, p95) are of the first samples, whatever was drawn further for a probability.
+    torque: index of the torque.
+    p5, p50, p95: percentiles of the first samples, which do not depend on further draws for a probability.
     """
 
     samples: Samples
@@ -255,7 +285,7 @@ class ErrorBelief:
 
     @classmethod
     def of(cls, samples: Samples, torque: int) -> ErrorBelief:
-        """Return F'_ior at one of the torques, by its place."""
+        """Return F'_ior at one of the torques, by its index."""
         first = samples.of_ranges
         return cls(
             samples=samples,
@@ -280,21 +310,23 @@ def draw_samples(
     seen: Callable[[Samples], None] | None = None,
     sets: int = 1,
 ) -> Samples:
-    """Return samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
+    """Return samples of a drive with an effective sample size of at least effort.effective, and more if needed.
 
-    prior: of the drive.
+    prior: prior of the drive.
     torques: torques [N*m].
-    rotations_deg: turns of the fixed wheel at which F'_ior is wanted too.
-    evidence: on the drive.
-    figures_of: figures that each sample has beside F'_ior.
-    figures_name: what these figures depend on beside the drive; draws with figures but without this name are not kept.
-    enough: whether samples suffice for their purpose.
+    rotations_deg: rotations of the fixed wheel at which F'_ior is also computed [deg].
+    evidence: reference data on the drive.
+    figures_of: function that returns further figures of each sample.
+    figures_name: description of the dependence of these figures other than on the drive; without it draws with figures
+        are not stored.
+    enough: function that returns whether samples suffice for their purpose.
     effort: limits of sampling.
     run: the run.
-    seen: called with the samples so far once evidence allows one.
-    sets: sets of deviations on each contact system.
-    Raises UsageError for a drive with rolling balls, UntrustedError where a figure contradicts the others, hardly any
-    sample agrees with all of them, or too few draws are drives.
+    seen: function called with the current samples as soon as the reference data allow one.
+    sets: number of sets of deviations on each contact system.
+
+    Raises UsageError for a drive with rolling balls, UntrustedError if a figure contradicts the others, if hardly any
+    sample agrees with all of them, or if too few draws are valid drives.
     """
     sampling = Sampling(
         prior=prior,
@@ -306,25 +338,25 @@ def draw_samples(
         seed=run.seed,
         sets=sets,
     )
-    # once, before worker processes begin
+    # once, before worker processes start
     require_programme(prior.drive, run)
     kept = sampling.kept()
     draws: list[Draw] = []
     try:
         for samples in _growing(sampling, kept, draws, effort, run):
-            # numbers on the page while sampling goes on
+            # the page shows results while sampling continues
             if seen and samples.weights.any():
                 seen(samples)
             if samples.stages and (len(draws) >= effort.settling_draws or enough(samples)):
                 break
-        # the draws are used up and too few are effective
+        # all draws are used, but the effective sample size is too small
         if not samples.stages:
             samples = _few(samples, draws, evidence, effort)
-        # a measured value that no sample shows makes all numbers doubtful
+        # a measured value that no sample shows makes all results doubtful
         _require_shown(sampling, draws)
         return samples
     finally:
-        # kept even after an interruption, so the next run goes on
+        # stored even after an interruption, so that the next run continues
         if len(draws) > len(kept):
             sampling.keep(draws)
 
@@ -340,15 +372,16 @@ def drive_samples(
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
-    """Return samples of a drive at its torques, until as many again would hardly change a verdict.
+    """Return samples of a drive at its torques, until as many further samples would hardly change a verdict.
 
-    prior: of the drive.
-    held_arcsec: limit minus self error at each torque; None without a limit.
-    draws: effective samples at least.
-    sure: probability of a limit that settles a verdict.
-    rotations_deg, run, seen: as those of draw_samples.
-    other_torques: torques [N*m] that follow those of the drive and have no limit.
-    Raises what draw_samples raises.
+    prior: prior of the drive.
+    held_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
+    draws: smallest effective sample size.
+    sure: probability of meeting a limit that settles a verdict.
+    rotations_deg, run, seen: as for `draw_samples`.
+    other_torques: torques without a limit that follow those of the drive [N*m].
+
+    Raises the errors of `draw_samples`.
     """
     drive = prior.drive
     return draw_samples(
@@ -365,11 +398,11 @@ def drive_samples(
 
 
 def deviation_sets(drive: Drive) -> int:
-    """Return how many sets of deviations share the contact system of a sample.
+    """Return the number of sets of deviations that share the contact system of a sample.
 
-    One where the holes of the seat differ: they are compared by samples, each with its own set in all of them.
+    It is one if the holes of the seat differ, because samples are compared in all holes with the same deviations.
     """
-    # without a hole to choose, deviations are exchangeable on one contact system, and further sets cost little
+    # if holes are equivalent, deviations are exchangeable on one contact system, and further sets take little time
     return _SETS if unknown_turn(drive) or no_hole_better(drive) else 1
 
 
@@ -379,12 +412,13 @@ def turned_samples(
     rotations_deg: Sequence[float],
     run: Run = Run(),
 ) -> Samples:
-    """Return the same samples with the fixed wheel turned as well, as a drawing with these turns would have them.
+    """Return the same samples with the fixed wheel turned as well, as if they had been drawn with these rotations.
 
-    samples: samples without a measured F'_ior among their evidence, which would move them together with their turns.
-    evidence: their evidence.
-    rotations_deg: turns of the fixed wheel [deg].
+    samples: samples without a measured F'_ior in their reference data, which would change all results together.
+    evidence: their reference data.
+    rotations_deg: rotations of the fixed wheel [deg].
     run: the run.
+
     Raises UntrustedError if a state cannot be trusted.
     """
     sampling = Sampling(
@@ -395,14 +429,15 @@ def turned_samples(
         seed=samples.seed,
         sets=samples.set_weights.shape[1],
     )
-    # these turns are solved already
+    # these rotations are already solved
     if {*rotations_deg} <= {*samples.rotations_deg}:
         return samples
     kept = sampling.kept()
     draws = kept[: len(samples.made)]
-    # draws whose turns are not kept
+    # draws whose rotations are not stored
     fresh = samples.made[len(draws) :]
-    anywhere = tuple(0.5 for _ in samples.prior.fields)  # of a draw that made no drive, which is not turned
+    # shares of a draw that is not a valid drive and need not be turned
+    anywhere = tuple(0.5 for _ in samples.prior.fields)
     shares = [draw.shares or anywhere for draw in fresh]
     values = samples.prior.values(np.array(shares)) if shares else []
     for draw in run.map(sampling.with_turns, fresh, values):
@@ -410,7 +445,7 @@ def turned_samples(
         run.solved(draw.turned_proof.states)
     if len(draws) > len(kept):
         sampling.keep(draws)
-    # the same stages, by the number of their draws
+    # the same stages, by their number of draws
     stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
     return replace(
         _collected(sampling, draws),
@@ -428,21 +463,21 @@ def _growing(
 ) -> Iterator[Samples]:
     """Yield the samples after each batch of draws.
 
-    sampling: what the draws depend on.
-    kept: draws that are kept, which are taken first.
-    draws: grows by each batch.
+    sampling: all dependencies of the draws.
+    kept: stored draws, which are used first.
+    draws: list to which each batch is added.
     effort: limits of sampling.
     run: the run.
     """
     samples: Samples | None = None
     stages: tuple[Samples, ...] = ()
-    # draws that worker processes have begun before they are needed
+    # draws that worker processes have started before they are needed
     ahead: UnderWay = {}
     try:
         while len(draws) < effort.most_draws and not _is_hopeless(samples, draws):
             first = len(draws)
             last = min(first + _batch_size(effort, samples, len(draws)), effort.most_draws)
-            # in whole groups, as they are made: kept ones are taken up as far as new ones would go
+            # draws are made in whole groups, so a batch of stored draws ends where a batch of new draws would
             last += -last % sampling.alike
             batch: Iterable[list[Draw]] = [list(kept[first:last])]
             if last > len(kept):
@@ -462,7 +497,7 @@ def _growing(
 
 
 def _is_hopeless(samples: Samples | None, draws: Sequence[Draw]) -> bool:
-    """Return whether many draws were made, and none of them has an answer."""
+    """Return whether many draws were made without any result."""
     return samples is not None and len(draws) >= _HOPELESS and not len(samples.weights)
 
 
@@ -474,16 +509,16 @@ def _batch_size(
     """Return the number of draws of the next batch.
 
     effort: limits of sampling.
-    samples: those so far; None before the first batch.
+    samples: current samples; None before the first batch.
     count: number of draws so far.
     """
-    # no batch is longer than all draws before it, or than it takes to see that none has an answer
+    # a batch is not longer than all previous draws, or than needed to see that none has a result
     size = min(effort.batch, max(_HOPELESS, count))
     if samples is not None and not samples.stages:
         effective = samples.effective + _ROUNDING
-        needed = int(np.ceil((effort.effective / effective - 1) * count))  # no more than are likely to be needed
+        needed = int(np.ceil((effort.effective / effective - 1) * count))  # no more than are probably needed
         size = min(size, max(_FEWEST_AT_ONCE, needed))
-    if count < PILOT_DRAWS:  # the pilot is complete before any draw is proposed by it
+    if count < PILOT_DRAWS:  # complete the pilot before it proposes draws
         size = min(size, PILOT_DRAWS - count)
     return size
 
@@ -493,10 +528,10 @@ def limits_settled(
     samples: Samples,
     sure: float = SURE,
 ) -> bool:
-    """Return whether as many samples again would hardly change the verdict on any limit (Probability.is_stable).
+    """Return whether as many further samples would hardly change the verdict on any limit (Probability.is_stable).
 
-    left_arcsec: limit minus self error at each torque; None without a limit.
-    samples: of the drive.
+    left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
+    samples: samples of the drive.
     sure: probability of meeting a limit that PASS needs.
     """
     probabilities = [
@@ -508,7 +543,7 @@ def limits_settled(
 
 
 def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
-    """Return draws as samples: those that have F'_ior, and what is known of all."""
+    """Return the draws with F'_ior as samples, together with information on all draws."""
     solved = [draw for draw in draws if draw.F_ior_arcsec is not None]
     count = len(solved)
     torques = sampling.torques
@@ -536,19 +571,19 @@ def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
 
 
 def _stacked(values: Iterable[object], *shape: int) -> Array:
-    """Return values as an array of a shape, also if there are none."""
+    """Return values as an array of a given shape, even if there are none."""
     return np.array([*values], dtype=float).reshape(shape)
 
 
 def _figures_beside_error(sampling: Sampling, solved: Sequence[Draw]) -> dict[str, Array]:
-    """Return the figures of draws beside F'_ior, by name, shape (draws,) each."""
+    """Return the figures of draws other than F'_ior, by name, shape (draws,) each."""
     of_error = {ACCURACY, *(datum.figure for datum in sampling.measured)}
     names = [name for name in (solved[0].figures if solved else {}) if name not in of_error]
     return {name: np.array([draw.figures[name] for draw in solved]) for name in names}
 
 
 def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
-    """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
+    """Raise UntrustedError if no draw is near the measured F'_ior, because the weights would be meaningless."""
     if not sampling.measured:
         return
     solved = [draw.figures for draw in draws if draw.F_ior_arcsec is not None]
@@ -564,9 +599,9 @@ def _few(
     evidence: tuple[Evidence, ...],
     effort: SamplingEffort,
 ) -> Samples:
-    """Return samples with a remark that fewer are effective than were asked for.
+    """Return samples with a remark that their effective sample size is smaller than requested.
 
-    Raises UntrustedError if that allows no answer, with the evidence without which most would agree.
+    Raises UntrustedError if this allows no result, naming the reference data without which most samples would agree.
     """
     is_answer = samples.effective >= (effort.least or effort.effective)
     of_draws = f"of {len(draws)} draws, {effort.effective} required"
@@ -603,6 +638,6 @@ def _few(
 
 
 def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
-    """Return the mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
+    """Return the mean likelihood of the reference data over all valid draws, as far as each draw has predictions."""
     likelihoods = [np.exp(log_likelihood(evidence, draw.figures)) for draw in draws if not draw.refused]
     return float(np.mean(likelihoods))

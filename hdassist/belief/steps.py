@@ -1,10 +1,11 @@
-"""Which inputs the spread of F'_ior comes from, and what to measure next.
+"""Contributions of inputs to the spread of F'_ior, and the measurements that reduce it most.
 
-Influence is a weighted stepwise regression of ln F'_ior over the samples. The size and the direction of a deviation are
-one group. Groups enter one after the other, the one that explains most first, as long as chance alone would hardly
-explain as much; each has the share of the variance that it adds, less that which as many columns of chance would add.
-The rest is unexplained: products of inputs, bends that no square follows. A measurement is taken alone: the share of
-the variance that its columns explain of all of it.
+The contributions result from a weighted stepwise regression of ln F'_ior over the samples. The size and the direction
+of a deviation form one group. Groups enter in the order of the explained variance, as long as chance alone is unlikely
+to explain as much. The contribution of a group is the share of the variance that it adds, minus the share that equally
+many random columns would add. The remainder is unexplained, for example products of inputs and nonlinear effects beyond
+squares. A measurement is considered on its own: its gain follows from the share of the total variance that its columns
+explain.
 """
 
 from __future__ import annotations
@@ -22,31 +23,40 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS
 
 _CHANCE_OF_INFLUENCE = 0.05  # probability that some group enters although none has an influence
-# what single teeth do depends on all of these together, not on one: columns of them would be chance
+# the effect of single teeth depends on all of these together, so columns of single ones would be random
 _ONE_OF_MANY = frozenset(deviation.direction for deviation in DEVIATIONS if deviation.kind == "pitch")
-_INDEPENDENT = 1e-8  # new part of a column, as a share of its length, below which it is rounding
-_NO_VARIANCE = 1e-18  # variance of ln F'_ior below which samples are equal
-_LEAST_MEAN_SQUARE = 1e-30  # smallest divisor: columns may explain a residual to the last digit
+_INDEPENDENT = 1e-8  # smallest new part of a column, as a share of its length, that is not a rounding error
+_NO_VARIANCE = 1e-18  # variance of ln F'_ior below which samples are considered equal
+_LEAST_MEAN_SQUARE = 1e-30  # smallest divisor, because columns may explain a residual to the last digit
 
 
 @dataclass(frozen=True)
 class Influence:
-    """Share of the variance of ln F'_ior that comes from a group of fields, by the path of its first."""
+    """Contribution of a group of fields to the variance of ln F'_ior, as a share.
+
+    group: path of the first field of the group.
+    """
 
     group: str
     share: float
 
 
 def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
-    """Return the shares of the variance of ln F'_ior at a torque, by its place, the largest first.
+    """Return the contributions to the variance of ln F'_ior at a torque, as shares, the largest first.
 
-    The remainder to 1 is unexplained. The result is empty if samples are too few, or if F'_ior does not vary.
+    The shares add up to 1 together with the unexplained part. The result is empty if there are too few samples or if
+    F'_ior does not vary.
+
+    torque: index of the torque.
     """
     return influences_on(samples, log_error(samples.F_ior_arcsec[:, torque]))
 
 
 def influences_on(samples: Samples, y: Array) -> tuple[Influence, ...]:
-    """Return the shares of the variance of another result of the samples, shape (samples,), the largest first."""
+    """Return the contributions to the variance of another result of the samples, as shares, the largest first.
+
+    y: values of the result, shape (samples,).
+    """
     groups = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
     return shares_of_variance(groups, y, samples.weights)
 
@@ -61,13 +71,13 @@ def columns_of(
     shares: Array,
     group: str,
 ) -> Array:
-    """Return the columns of a regression that a group of fields makes of its shares, shape (samples, columns).
+    """Return the regression columns of a group of fields, shape (samples, columns).
 
-    A number and its square; sine and cosine of a direction that is unknown, times the size where that is not
-    known either. None of single teeth whose size is known.
+    A number has two columns, itself and its square. An unknown direction has its sine and cosine, multiplied by the
+    size if that is unknown too. Single teeth of known size have no columns.
 
-    samples: of the drive, whose prior names the fields.
-    shares: of each field's probability, shape (samples, fields).
+    samples: samples of the drive, whose prior names the fields.
+    shares: shares of each field's probability, shape (samples, fields).
     group: path of the group.
     """
     columns: list[Array] = []
@@ -88,10 +98,10 @@ def columns_of(
 
 @dataclass(frozen=True, eq=False)
 class _Explanation:
-    """What the columns of a group explain of a residual.
+    """Part of a residual explained by the columns of a group.
 
-    directions: new ones beside the groups that entered before, shape (samples, directions).
-    gain: squares that they explain, minus those that as many columns of chance would.
+    directions: new directions, orthogonal to the groups that entered before, shape (samples, directions).
+    gain: explained squares, minus those that equally many random columns would explain.
     chance: probability that chance alone explains as much (F test).
     """
 
@@ -109,7 +119,7 @@ def shares_of_variance(
 
     groups: columns by the name of their group, shape (samples, columns) each.
     y: values, shape (samples,).
-    weights: of the samples, shape (samples,).
+    weights: weights of the samples, shape (samples,).
     """
     root = np.sqrt(weights / weights.sum())[:, None]
     basis = root / np.linalg.norm(root)
@@ -122,7 +132,7 @@ def shares_of_variance(
     influences: list[Influence] = []
     while remaining:
         explanations = {name: _explained_by(columns, basis, residual, free) for name, columns in remaining.items()}
-        # of equal chances the larger gain enters, and then the first name, so that the order is always the same
+        # with equal chances the larger gain enters, then the first name, so that the order is reproducible
         best = min((explained.chance, -explained.gain, name) for name, explained in explanations.items())[2]
         explained = explanations[best]
         if explained.chance > _CHANCE_OF_INFLUENCE / len(groups):
@@ -141,11 +151,11 @@ def _explained_by(
     residual: Array,
     free: float,
 ) -> _Explanation:
-    """Return what columns explain of a residual beside a basis.
+    """Return the part of a residual that columns explain in addition to a basis.
 
-    columns: shape (samples, columns).
+    columns: columns, shape (samples, columns).
     basis: orthonormal directions that entered before, shape (samples, directions).
-    residual: shape (samples, 1).
+    residual: residual, shape (samples, 1).
     free: degrees of freedom of the residual.
     """
     u, size, _ = np.linalg.svd(_orthogonal_to(basis, columns), full_matrices=False)
@@ -159,7 +169,8 @@ def _explained_by(
         )
     squares = float(np.sum(residual**2))
     explained = float(np.sum((directions.T @ residual) ** 2))
-    by_chance = max((squares - explained) / (free - count), _LEAST_MEAN_SQUARE)  # squares that a column of chance takes
+    # squares that one random column explains
+    by_chance = max((squares - explained) / (free - count), _LEAST_MEAN_SQUARE)
     chance = float(fdtrc(count, free - count, explained / count / by_chance))
     return _Explanation(
         directions=directions,
@@ -169,13 +180,16 @@ def _explained_by(
 
 
 def _orthogonal_to(basis: Array, columns: Array) -> Array:
-    """Return the part of columns that is orthogonal to a basis."""
+    """Return the part of the columns that is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
 
 
 @dataclass(frozen=True)
 class MeasurementGain:
-    """A measurement, by the path of a field or as `stiffness.K_1`, and the share of the spread that it removes."""
+    """A measurement and the share of the spread that it removes.
+
+    measured: path of a field, or for example `stiffness.K_1`.
+    """
 
     measured: str
     gain: float
@@ -184,10 +198,10 @@ class MeasurementGain:
 def measurements(samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
     """Return measurements by the share of the spread of ln F'_ior that each removes, the best first.
 
-    Each is taken as the only one, and as exact: a group of fields, or a stiffness that was not measured yet.
+    Each measurement is considered as the only one, and as exact: a group of fields, or a stiffness not measured yet.
 
-    samples: of the drive.
-    torque: its place.
+    samples: samples of the drive.
+    torque: index of the torque.
     """
     columns = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
     evidence = evidence_of(samples.prior.drive)
