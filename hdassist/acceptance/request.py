@@ -37,7 +37,6 @@ from hdassist.errors import SURE, DataError, Fault, Finding, HdassistError, Pres
 from hdassist.files import STDIN, is_file, number_of, preset_names
 from hdassist.loading import Asked
 from hdassist.measuring.bench import PositionRecord, SeenRange, StatedQuantity, position_quantities, seen_range
-from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, Reading
 from hdassist.measuring.orders import parse_stated, stated_sources
 from hdassist.model.deviations import MeasuredTeeth
@@ -353,7 +352,7 @@ def _accepted_quantity(quantity: StatedQuantity, *, is_cut: bool) -> AcceptedVal
         extent = "scatter not known"
     return AcceptedValue(
         value=quantity.arcsec,
-        expanded_uncertainty=COVERAGE_FACTOR * (quantity.uncertainty_arcsec or 0.0),
+        expanded_uncertainty=quantity.expanded_arcsec,
         basis="measured",
         extent=extent,
     )

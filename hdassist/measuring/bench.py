@@ -183,6 +183,27 @@ class StatedQuantity:
     of: str
     noise_arcsec: float = 0.0
 
+    @property
+    def expanded_arcsec(self) -> float:
+        """Expanded uncertainty (k = 2); 0 without repeated approaches.
+
+        It is at least noise_arcsec, so that value minus expanded uncertainty is never above the lower confidence limit.
+        """
+        if self.uncertainty_arcsec is None:
+            return 0.0
+        return max(COVERAGE_FACTOR * self.uncertainty_arcsec, self.noise_arcsec)
+
+    @property
+    def interval_arcsec(self) -> tuple[float, float] | None:
+        """95 % interval; None without repeated approaches.
+
+        Scatter alone makes a range larger than 0, so the lower end is the confidence limit that "at least" states.
+        """
+        if self.uncertainty_arcsec is None:
+            return None
+        lowest = max(0.0, self.arcsec - self.expanded_arcsec)
+        return lowest, self.arcsec + COVERAGE_FACTOR * self.uncertainty_arcsec
+
 
 @dataclass(frozen=True)
 class SeenRange:

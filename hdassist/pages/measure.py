@@ -488,13 +488,8 @@ def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> li
 _CHECKS = {check.field: check for check in CHECKS}
 
 
-def _interval(found: StatedQuantity) -> list[float] | None:
-    if found.uncertainty_arcsec is None:
-        return None
-    reach = _expanded(found)
-    # Scatter alone makes a range above 0, so the lower end is the lower confidence limit that "at least" states.
-    lower_reach = max(reach, found.noise_arcsec)
-    return [max(0.0, found.arcsec - lower_reach), found.arcsec + reach]
+def _interval(quantity: StatedQuantity) -> list[float] | None:
+    return None if quantity.interval_arcsec is None else list(quantity.interval_arcsec)
 
 
 _QUANTITIES = quantity_table("bench.stated", interval=_interval, **FORMATS)
@@ -568,7 +563,7 @@ class _BenchResults:
         lines = [self.verdict] if self.has_reversal_verdict else []
         for quantity in self.quantities:
             is_known = quantity.uncertainty_arcsec is not None
-            expanded = f" ± {_expanded(quantity):.2f}" if is_known else ""
+            expanded = f" ± {quantity.expanded_arcsec:.2f}" if is_known else ""
             lines.append(f"{quantity.name} {quantity.arcsec:.2f}{expanded}″")
         return ", ".join(lines)
 
@@ -673,7 +668,7 @@ def _accept_command(
     else:
         arguments = []
         for quantity in quantities:
-            value = f"{quantity.name}={quantity.arcsec:.3g}±{_expanded(quantity):.2g}"
+            value = f"{quantity.name}={quantity.arcsec:.3g}±{quantity.expanded_arcsec:.2g}"
             arguments += ["--value", value]
     for quantity in quantities:
         if drive is None or getattr(drive.acceptance, quantity.name) is None:
@@ -721,10 +716,6 @@ def _seen_words(found: SeenRange) -> str:
     _, middle, high = found.estimates_arcsec
     share = f"{100 * found.seen[0]:.0f} to {100 * found.seen[2]:.0f} %"
     return f"{least}, which capture {share} of F'_ior: median {middle:.1f}″, up to {high:.1f}″ in 95 of 100 drives"
-
-
-def _expanded(found: StatedQuantity) -> float:
-    return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
 
 
 _ENTRY_COLUMNS = quantity_table(

@@ -174,3 +174,15 @@ def test_at_least_is_the_same_in_measure_and_accept(tmp_path):
     (check,) = json.loads(run("accept", SMALL, *asked, *budget, cwd=tmp_path).stdout)["checks"]
     assert check["value"] - check["expanded_uncertainty"] == pytest.approx(told["at_least_arcsec"])
     assert told["at_least_arcsec"] < told["range_arcsec"]
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "noise", "ends"), [(10.0, 0.0, (30, 70)), (10.0, 45.0, (5, 70)), (10.0, 80.0, (0, 70))]
+)
+def test_stated_uncertainty_reaches_both_ends_of_the_interval(uncertainty, noise, ends) -> None:
+    quantity = StatedQuantity("positioning", 50.0, uncertainty, "36 approaches", noise_arcsec=noise)
+    assert quantity.interval_arcsec == pytest.approx(ends)
+    lower, upper = quantity.interval_arcsec
+    assert max(0.0, quantity.arcsec - quantity.expanded_arcsec) <= lower
+    assert quantity.arcsec + quantity.expanded_arcsec >= upper
+    assert StatedQuantity("positioning", 50.0, None, "12 approaches").interval_arcsec is None
