@@ -1,17 +1,18 @@
-"""Draws of a drive: each solved as far as it agrees with the evidence, and kept for the next command on the same drive.
+"""Draws of a drive: each is solved as far as it agrees with the reference data, and stored for the next command.
 
-Stiffness needs some ten states, so a draw that agrees badly with evidence of stiffness goes on to F'_ior by chance
-only, with a probability p by which its weight is divided: the sum of weights stays right on average. Of a draw from a
-density q over the prior's, with the likelihood L of all evidence and L_K of stiffness alone,
+Stiffness needs some ten states. A draw that agrees badly with the reference data on stiffness is therefore solved for
+F'_ior only by chance, with a probability p by which its weight is divided, so that the sum of weights is right on
+average. For a draw from a density q over that of the prior, with the likelihood L of all reference data and L_K of
+stiffness alone,
 
 (1)  weight = L / (q p),  p = min(1, L_K / (k q))
 
-k is KEPT_LIKELIHOOD; where no first draw agrees as well, the likelihood of that which agrees best: else nearly all
-would be left out, alike bad as they are.
+k is KEPT_LIKELIHOOD, or the largest likelihood of the first draws if that is smaller. Otherwise nearly all draws would
+be omitted, although they are equally bad.
 
-Kept draws are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence,
-seed, the source of the code that computes them and the machine's instructions, on which the last digits depend. A file
-whose checksum or types do not hold is drawn anew.
+Stored draws are found by all their dependencies: values of the drive and ranges of its prior, torques, rotations,
+reference data, seed, source code, and the machine's instructions, on which the last digits depend. A file with an
+invalid checksum or type is drawn again.
 """
 
 from __future__ import annotations
@@ -69,17 +70,24 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
-_MOST_WEIGHT = 1e100  # largest weight of a draw: squares of weights must not overflow
+_MOST_WEIGHT = 1e100  # largest weight of a draw, so that squares of weights do not overflow
 
 
 @dataclass(frozen=True)
 class Draw(ClosedRecord):
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
+    """One draw: the reason why it is not a valid drive, or its predictions and weight.
 
-    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; sets_arcsec, at each torque with each
-    further set of deviations on the same contact system, and set_weights; shares: of each field's probability;
-    proof of its states, and turned_proof, of those with the wheel turned; follows: values of fields that follow from
-    others, by path.
+    refused: reason why it is not a valid drive; empty if it is.
+    figures: predictions by name.
+    F_ior_arcsec: F'_ior at each torque [arcsec]; None if the draw was not solved further.
+    turned_arcsec: F'_ior at each torque and rotation [arcsec].
+    weight: weight of the draw.
+    shares: share of each field's probability.
+    proof: certificate of its states, without those with the wheel turned.
+    follows: values of fields that follow from others, by path.
+    turned_proof: certificate of the states with the wheel turned.
+    sets_arcsec: F'_ior at each torque for each further set of deviations on the same contact system [arcsec].
+    set_weights: weights of these sets.
     """
 
     refused: str = ""
@@ -96,12 +104,12 @@ class Draw(ClosedRecord):
 
     @property
     def certificate(self) -> Certificate:
-        """Proof of the states behind it."""
+        """Certificate of all states of the draw."""
         return self.proof + self.turned_proof
 
     @property
     def without_turns(self) -> Draw:
-        """The same draw as it is where no turns are asked for."""
+        """The same draw as if no rotations were requested."""
         no_turns = self.turned_arcsec and tuple(() for _ in self.turned_arcsec)
         return replace(self, turned_arcsec=no_turns, turned_proof=EMPTY)
 
@@ -109,27 +117,32 @@ class Draw(ClosedRecord):
 _DRAWS = TypeAdapter(list[Draw])
 
 
-FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
-UnderWay = dict[int, Future[list[Draw]]]  # draws by their number
-_FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
-# Below this likelihood (1 is perfect) a draw continues with a probability in proportion to it.
+# returns the figures of a drive by name, with their certificate
+FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]
+UnderWay = dict[int, Future[list[Draw]]]  # draws in progress by number
+# number of processes up to which no draws are started in advance, because they wait only briefly at the end of a batch
+_FEW_PROCESSES = 4
+# likelihood, relative to perfect agreement, below which a draw continues with a probability in proportion to it
 KEPT_LIKELIHOOD = 0.2
-_LEAST_KEPT_LIKELIHOOD = 0.01  # where no draw agrees better: one that agrees less is no drive of this evidence
-_SHOWN_DIGITS = 6  # digits of an error in arcsec: further ones depend on how many positions are computed at once
+# smallest value of k if no draw agrees better; draws that agree less are not drives of these reference data
+_LEAST_KEPT_LIKELIHOOD = 0.01
+_SHOWN_DIGITS = 6  # digits of an error in arcsec; further digits depend on the number of positions computed together
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Draws of a drive that answer one question: all that they depend on.
+    """All dependencies of draws of a drive for one purpose.
 
-    prior: of the drive.
-    torques: at which F'_ior is wanted [N*m].
-    rotations_deg: turns of the fixed wheel at which F'_ior is wanted too.
-    evidence: on the drive.
-    figures_of: figures that each draw has beside F'_ior; None for none.
-    figures_name: what these figures depend on beside the drive; draws with figures but without this name are not kept.
-    seed: of the draws.
-    sets: sets of deviations for which a draw has F'_ior as mounted, if deviations are open and no F'_ior was measured.
+    prior: prior of the drive.
+    torques: torques at which F'_ior is computed [N*m].
+    rotations_deg: rotations of the fixed wheel at which F'_ior is also computed [deg].
+    evidence: reference data on the drive.
+    figures_of: function that returns further figures of each draw, None for no figures.
+    figures_name: description of the dependence of these figures other than on the drive; without it draws with figures
+        are not stored.
+    seed: seed of the draws.
+    sets: number of sets of deviations for which a draw has F'_ior as mounted, if deviations are open and no F'_ior was
+        measured.
     """
 
     prior: DrivePrior
@@ -143,7 +156,7 @@ class Sampling:
 
     @cached_property
     def measured(self) -> tuple[Evidence, ...]:
-        """F'_ior as measured on the drive."""
+        """Measured values of F'_ior of the drive."""
         return tuple(datum for datum in self.evidence if datum.M_g)
 
     @cached_property
@@ -153,23 +166,23 @@ class Sampling:
 
     @cached_property
     def near(self) -> DeviationProposal | None:
-        """Deviations near F'_ior as measured, several draws of which share all else; None where none are open."""
+        """Proposal of deviations near the measured F'_ior, with several draws per system; None without one."""
         is_open = self.measured and open_deviations(self.prior)
         return DeviationProposal(self.prior, self.measured, self.seed) if is_open else None
 
     @property
     def alike(self) -> int:
-        """Number of draws that share all but the deviations."""
+        """Number of draws that share all fields except the deviations."""
         return self.near.draws if self.near else 1
 
-    # Draws that were kept
+    # Stored draws
 
     def kept(self) -> list[Draw]:
-        """Return the draws that are kept, from the first on; none if not all of them are draws."""
+        """Return the stored draws, from the first one; none if any of them is invalid."""
         return (self._is_answer and self.answer.found()) or []
 
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep draws, from the first on; those with turns also as draws without, where more are kept so."""
+        """Store draws, from the first one; draws with rotations are also stored without them if that adds draws."""
         if self._is_answer:
             self.answer.keep(list(draws))
         alone = replace(self, rotations_deg=())
@@ -178,12 +191,12 @@ class Sampling:
 
     @property
     def _is_answer(self) -> bool:
-        """Whether all that draws depend on is told."""
+        """Whether all dependencies of the draws are known, so that they can be stored."""
         return bool(self.figures_name or not self.figures_of)
 
     @property
     def answer(self) -> KeptAnswer[list[Draw]]:
-        """The draws as they are kept, by all that they depend on."""
+        """The cache entry of the draws, by all their dependencies."""
         depends = {
             "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "fields": [
@@ -211,20 +224,20 @@ class Sampling:
         ahead: UnderWay,
         most: int,
     ) -> Iterator[list[Draw]]:
-        """Yield new draws, `alike` of them at a time.
+        """Yield new draws in groups of `alike`.
 
-        draws: those so far; the first of them propose the new ones.
-        first, last: numbers of the new draws, from the first to before the last.
-        run: the run; with many processes, draws beyond the last one begin, so that none waits at the end of a batch.
-        ahead: draws under way, by their number.
-        most: number of draws that are made at most.
+        draws: current draws, the first of which propose the new ones.
+        first, last: number of the first new draw, and of the draw after the last.
+        run: the run; with many processes, draws after the last one are started in advance, so that no process waits.
+        ahead: draws in progress, by number.
+        most: largest number of draws.
         """
         pilot = [draw.figures for draw in draws[:: self.alike][:PILOT_DRAWS]]
         kept_likelihood = self._kept_likelihood(pilot)
         if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
             begin = max(ahead, default=first - 1) + 1
             end = min(last + run.at_a_time, most)
-            if first < PILOT_DRAWS:  # the draws after the pilot wait for it
+            if first < PILOT_DRAWS:  # draws after the pilot depend on the whole pilot
                 end = min(end, PILOT_DRAWS)
             if begin < end:
                 for number, *task in self._tasks(begin, end, pilot, kept_likelihood):
@@ -236,7 +249,7 @@ class Sampling:
         return run.map(self.solved, *zip(*tasks, strict=True))
 
     def _kept_likelihood(self, pilot: Sequence[Mapping[str, float]]) -> float:
-        """Return k of equation (1), from the figures of the first draws; KEPT_LIKELIHOOD while these are too few."""
+        """Return k of equation (1) from the figures of the first draws; KEPT_LIKELIHOOD if there are too few."""
         if len(pilot) < PILOT_DRAWS:
             pilot = ()
         log_likelihood_of = stiffness_log_likelihoods(self.evidence, pilot)
@@ -250,7 +263,10 @@ class Sampling:
         pilot: Sequence[Mapping[str, float]],
         kept_likelihood: float,
     ) -> list[tuple[Any, ...]]:
-        """Return the arguments of `solved` for draws from the number begin to before end."""
+        """Return the arguments of `solved` for draws.
+
+        begin, end: number of the first draw, and of the draw after the last.
+        """
         shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
         numbers = range(begin, end)
         rows = zip(
@@ -263,13 +279,13 @@ class Sampling:
         return [(*row, kept_likelihood, self._unturned(number)) for number, row in zip(numbers, rows, strict=True)]
 
     def _unturned(self, number: int) -> Draw | None:
-        """Return a draw as it is kept without turns, to which they are added; None of one that made no drive."""
+        """Return a draw stored without rotations, to which they are added; None if it is not a valid drive."""
         candidates = self._kept_unturned[number : number + 1]
         return next((draw for draw in candidates if not draw.refused), None)
 
     @cached_property
     def _kept_unturned(self) -> list[Draw]:
-        """Draws as they are kept without turns; none where F'_ior as measured on the drive moves all of it at once."""
+        """Draws stored without rotations; none if F'_ior was measured, which changes all values of F'_ior together."""
         return replace(self, rotations_deg=()).kept() if self.rotations_deg and not self.measured else []
 
     def solved(
@@ -281,14 +297,17 @@ class Sampling:
         kept: float = KEPT_LIKELIHOOD,
         unturned: Draw | None = None,
     ) -> list[Draw]:
-        """Return draws that share all but the deviations: why they are no drive, else their predictions and weights.
+        """Return draws that share all fields except the deviations, with their predictions and weights.
+
+        A draw that is not a valid drive has only the reason.
 
         number: number among all draws.
         values: values of the fields, by path.
-        shares: their shares of probability, then the chance by which a draw that agrees badly goes on.
-        density: that the draw was drawn with, over the prior's.
+        shares: their shares of probability, then the random number that decides whether a badly agreeing draw is solved
+            further.
+        density: density of the draw over that of the prior.
         kept: k of equation (1).
-        unturned: the draw, if only its turns are not known.
+        unturned: the draw, if only its rotations are missing.
         """
         try:
             if unturned:
@@ -298,18 +317,24 @@ class Sampling:
             return self._refused(str(error.fault))
 
     def _refused(self, reason: str) -> list[Draw]:
-        """Return draws that are no drive, for a reason."""
+        """Return draws that are not valid drives, with the reason."""
         return [Draw(refused=reason) for _ in range(self.alike)]
 
     def with_turns(self, unturned: Draw, values: dict[str, float]) -> Draw:
-        """Return a draw of values by path with the turns that it lacks; one without a trustworthy answer says so."""
+        """Return a draw with its missing rotations; a draw without a trustworthy result gets the reason instead.
+
+        values: values of the fields, by path.
+        """
         try:
             return self._turned(unturned, values)
         except HdassistError as error:
             return Draw(refused=str(error.fault))
 
     def _turned(self, unturned: Draw, values: dict[str, float]) -> Draw:
-        """Return a draw of values by path with the turns that it lacks."""
+        """Return a draw with its missing rotations.
+
+        values: values of the fields, by path.
+        """
         if unturned.F_ior_arcsec is None:
             return unturned
         drive = self.prior.drive.with_values(values).with_values(unturned.follows)
@@ -319,11 +344,11 @@ class Sampling:
         return replace(unturned, turned_arcsec=_as_rows(turned), turned_proof=proof)
 
     def _tests_of(self, drive: Drive, number: int) -> dict[str, tuple[float, float]]:
-        """Return torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure.
+        """Return the torque [N*m] and rotation [deg] at which reference data on F'_ior apply to a drive, by figure.
 
-        An accuracy that is read at a few positions is none of them: it is read by itself.
+        An accuracy that is read at a few positions is not included, because it is read separately.
 
-        number: that of the draw, which decides the turn of the accuracy.
+        number: number of the draw, which determines the rotation in the accuracy test.
         """
         tests = {datum.figure: (datum.M_g, datum.rotation_deg) for datum in self.measured}
         if self.torques and self.accuracy and not self.accuracy.positions:
@@ -331,7 +356,7 @@ class Sampling:
         return tests
 
     def _torques_with(self, tests: Mapping[str, tuple[float, float]]) -> tuple[float, ...]:
-        """Return all torques [N*m] that a draw needs, each once: those that are asked for, then those of tests."""
+        """Return all torques [N*m] that a draw needs, without repetition: the requested ones, then those of tests."""
         loads = [M_g for M_g, _ in tests.values()]
         if self.torques and self.accuracy:
             loads.append(ACCURACY_LOAD * self.prior.drive.rated_torque)
@@ -345,7 +370,10 @@ class Sampling:
         density: float,
         kept: float,
     ) -> list[Draw]:
-        """Return the draws as `solved` does; raises HdassistError where an answer cannot be trusted."""
+        """Return the draws as `solved` does.
+
+        Raises HdassistError if a result cannot be trusted.
+        """
         *field_shares, chance = shares
         drive = self.prior.drive.with_values(values)
         for path, value in values.items():
@@ -384,32 +412,32 @@ class Sampling:
         density: float,
         kept: float,
     ) -> float:
-        """Return p of equation (1) by the figures of stiffness of a draw; 1 without evidence of stiffness."""
+        """Return p of equation (1) from the stiffness figures of a draw; 1 without reference data on stiffness."""
         if not figures:
             return 1.0
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
         return min(1.0, likelihood / density / kept)
 
     def _meshed(self, drive: Drive, shares: Sequence[float]) -> tuple[Drive, dict[str, float], Certificate]:
-        """Return a drive with the shift of the rigid wheel that follows from all else, that shift by path, and a proof.
+        """Return a drive with its dependent shift of the circular spline, that shift by path, and a certificate.
 
-        shares: of the probability of all fields.
+        shares: shares of the probability of all fields.
         """
-        # the shift is stated, or follows from nothing
+        # the profile shift is stated, or does not depend on other fields
         if not self.prior.meshing:
             return drive, {}, EMPTY
         place, beyond = self.prior.meshing
-        # teeth of a drive at rest just mesh; the drawn share says how far beyond they are
+        # the teeth of a drive at rest just mesh, and the drawn share gives the shift beyond that
         shift, proof = meshing_shift(drive)
         follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
         return drive.with_values(follows), follows, proof
 
     def _draws_of(self, system: _System, proof: Certificate) -> list[Draw]:
-        """Return the draws of one contact system, each with deviations of its own.
+        """Return the draws of one contact system, each with its own deviations.
 
-        proof: of the states of the system so far, which the first draw carries for all.
+        proof: certificate of the states of the system so far, which is added to the first draw.
         """
-        # without a measured F'_ior deviations come from the prior
+        # without a measured F'_ior, deviations come from the prior
         proposals = [ProposedDeviations(shares={}, density=1.0)]
         chosen: _ChosenSets | None = None
         if self.near:
@@ -428,19 +456,19 @@ class Sampling:
         return draws
 
     def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int, chosen: _ChosenSets | None) -> Draw:
-        """Return the draw of a contact system that has some deviations.
+        """Return the draw of a contact system with given deviations.
 
-        place: that of the draw among those of the system.
-        chosen: sets of deviations chosen by the manufacturer's test; None where none are.
+        place: index of the draw among those of the system.
+        chosen: sets of deviations chosen by the manufacturer's test; None without such a choice.
         """
-        # the contact system of a draw is shared, its deviations are its own
+        # draws share the contact system, but have their own deviations
         shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
         errors = self._errors_of(system, drive, place)
         further_figures, proof_of_figures = self.figures_of(drive) if self.figures_of else ({}, EMPTY)
         figures = {**system.figures, **further_figures, **errors.by_figure}
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
-        # further deviations on one contact system cost no factorisation
+        # further deviations on one contact system need no factorisation
         sets = self._further_sets(system, drive, shares, chosen)
         return Draw(
             figures=figures,
@@ -464,10 +492,13 @@ class Sampling:
         drive: Drive,
         place: int,
     ) -> _Errors:
-        """Return F'_ior of a drive on a contact system; place: that of the draw among those of the system."""
+        """Return F'_ior of a drive on a contact system.
+
+        place: index of the draw among those of the system.
+        """
         F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
         turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
-        # the drive is not the model: what was measured on it shifts all its other errors
+        # the drive differs from the model, so measured values of the drive change all its other errors
         if self.measured:
             seed = [self.seed, system.number * self.alike + place]
             F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
@@ -486,12 +517,15 @@ class Sampling:
         )
 
     def _shares_with(self, deviations: ProposedDeviations, shares: Sequence[float]) -> list[float]:
-        """Return the shares of all fields, those of the deviations replaced by proposed ones."""
+        """Return the shares of all fields, with those of the deviations replaced by proposed ones."""
         paths = [field_prior.path for field_prior in self.prior.fields]
         return [deviations.shares.get(path, share) for path, share in zip(paths, shares, strict=True)]
 
     def _set_weight(self, system: _System, tested_arcsec: float | None) -> float:
-        """Return the weight of a set of deviations by equation (1); its F'_ior as tested [arcsec], None without."""
+        """Return the weight of a set of deviations by equation (1).
+
+        tested_arcsec: F'_ior of the set as tested [arcsec], None without an accuracy.
+        """
         figures = dict(system.figures)
         if tested_arcsec is not None:
             figures[ACCURACY] = tested_arcsec
@@ -502,13 +536,13 @@ class Sampling:
 
     @cached_property
     def _set_places(self) -> list[int]:
-        """Places of the deviations that differ from set to set; none if each draw has one set."""
-        # values of one drive fix its deviations
+        """Indices of the deviations that differ between sets; none if each draw has one set."""
+        # measured values of one drive determine its deviations
         return [] if self.measured or self.sets < 2 else self._drawn_places
 
     @cached_property
     def _drawn_places(self) -> list[int]:
-        """Places of the deviations that are open, and not fitted with others."""
+        """Indices of the open deviations that are not fitted with others."""
         fields = open_deviations(self.prior)
         return [
             place
@@ -518,27 +552,28 @@ class Sampling:
 
     @property
     def _is_selected(self) -> bool:
-        """Whether the manufacturer sells only drives that pass a test, and which of them do depends on deviations."""
+        """Whether the manufacturer sells only drives that pass a test whose result depends on deviations."""
         return bool(self.torques and self.accuracy and self.accuracy.is_tight and self._drawn_places)
 
     def _chosen_sets(self, system: _System) -> _ChosenSets:
         """Return sets of deviations chosen among candidates by the manufacturer's test, the set of the draw first.
 
-        Importance sampling: few drives of a system pass a tight test, and each candidate costs no more than the test.
-        A candidate is chosen with a density over the prior's that its likelihood raises, nowhere less than
-        LEAST_DENSITY: an option may turn a drive that fails into one that passes. The weight is divided by the density.
+        Importance sampling: few drives of a system pass a tight test, and each candidate takes no longer than the test.
+        The density with which a candidate is chosen, over that of the prior, increases with its likelihood. It is
+        nowhere below LEAST_DENSITY, because an option may make a failing drive pass. The weight is divided by the
+        density.
         """
         assert self.accuracy
         count = _READ_CANDIDATES if self.accuracy.positions else _SOLVED_CANDIDATES
         rng = np.random.default_rng([self.seed, system.number, _CHOSEN])
         candidates = np.tile(system.shares, (count, 1))
         candidates[1:, self._drawn_places] = rng.random((count - 1, len(self._drawn_places)))
-        # all at one turn and first position, which are those of the draw
+        # all with the rotation and first position of the draw
         seeds = [[self.seed, system.number] for _ in range(count)]
         tested, proof = self._tested(system, system.drive, self._columns_of(candidates), seeds)
         likelihood = np.exp(self.accuracy.log_likelihood(tested))
         density = LEAST_DENSITY + (1 - LEAST_DENSITY) * likelihood / likelihood.mean()
-        # even steps around the cumulative density from a random place: each chosen one has the density by itself
+        # even steps around the cumulative density from a random start, so that each chosen set has its own density
         steps = (rng.random() + np.arange(self.sets) / self.sets) % 1
         chosen = np.minimum(np.searchsorted(np.cumsum(density) / count, steps), count - 1)
         return _ChosenSets(
@@ -559,9 +594,9 @@ class Sampling:
     ) -> _FurtherSets:
         """Return F'_ior of further sets of deviations on the contact system of a draw.
 
-        drive: with the deviations of the draw.
-        shares: of the fields of the draw.
-        chosen: sets chosen by the manufacturer's test; None where any set is as likely.
+        drive: drive with the deviations of the draw.
+        shares: shares of the fields of the draw.
+        chosen: sets chosen by the manufacturer's test; None if all sets are equally probable.
         """
         if not self._set_places:
             no_F_ior = np.empty((len(self.torques), 0))
@@ -580,7 +615,7 @@ class Sampling:
         # only an accuracy weights sets by their own error
         if not self.accuracy:
             return sets
-        # each at a turn and first position of its own
+        # each set has its own rotation and first position
         seeds = [[self.seed, system.number, place] for place in range(1, self.sets)]
         tested, proof = self._tested(system, drive, columns, seeds)
         return replace(sets, tested_arcsec=tuple(tested.tolist()), proof=sets.proof + proof)
@@ -588,16 +623,20 @@ class Sampling:
     def _set_shares(self, number: int, shares: Sequence[float]) -> Array:
         """Return random shares of further sets of deviations, shape (sets, fields).
 
-        number of the draw; shares of the fields of the draw, which all else keeps.
+        number: number of the draw.
+        shares: shares of the fields of the draw, which all other fields keep.
         """
-        # a stream of its own, so that the number of sets moves no other number
+        # a separate random stream, so that the number of sets changes no other random number
         rng = np.random.default_rng([self.seed, number, _SETS])
         random = np.tile(shares, (self.sets - 1, 1))
         random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
         return np.asarray(random)
 
     def _columns_of(self, shares: Array) -> dict[str, Array]:
-        """Return values of the deviations of sets, by path, shape (sets,) each; shares, shape (sets, fields)."""
+        """Return values of the deviations of sets by path, shape (sets,) each.
+
+        shares: shares of the fields, shape (sets, fields).
+        """
         values = self.prior.values(shares)
         paths = [self.prior.fields[place].path for place in self._drawn_places]
         return {path: np.array([of_set[path] for of_set in values]) for path in paths}
@@ -605,12 +644,12 @@ class Sampling:
     def _tested(
         self, system: _System, drive: Drive, columns: Mapping[str, Array], seeds: Sequence[Sequence[int]]
     ) -> tuple[Array, Certificate]:
-        """Return sets of deviations as the manufacturer tests them [arcsec], shape (sets,), and the proof.
+        """Return readings of sets of deviations in the manufacturer's test [arcsec], shape (sets,), with a certificate.
 
-        system: their contact system.
-        drive: all that the sets have in common.
+        system: contact system of the sets.
+        drive: drive with the properties that all sets share.
         columns: values of the sets by path, shape (sets,) each.
-        seeds: of the turn and of the first position of each test.
+        seeds: seeds of the rotation and of the first position of each test.
         """
         assert self.accuracy
         load = ACCURACY_LOAD * drive.rated_torque
@@ -622,22 +661,22 @@ class Sampling:
         return ranges_as_tested(map_of_test, batch, self.accuracy.positions, starts, DRAWN_GRIDS)
 
     def _shown(self, tested: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
-        """Return F'_ior of the drive [arcsec], drawn around F'_ior of the model by the values measured on the drive.
+        """Return F'_ior of the drive [arcsec], drawn around that of the model given the measured values of the drive.
 
-        A draw of its scale, misfit, noise and misread value (evidence.py, equation 1), the same whatever else is asked
-        for.
+        The draw has its own scale, misfit, noise and misread value (evidence.py, equation 1), which do not depend on
+        other requested results.
 
-        tested: F'_ior of the model as measured [arcsec], shape (values,).
-        F_ior, turned: F'_ior of the model [arcsec], shapes (torques,) and (torques, rotations), as are the results.
-        seed: of the draw.
+        tested: F'_ior of the model under the conditions of the measured values [arcsec], shape (values,).
+        F_ior, turned: F'_ior of the model [arcsec], shapes (torques,) and (torques, rotations), as for the results.
+        seed: seed of the draw.
         """
         y, stated, correlation = values_of_errors(self.measured)
-        predicted = tested[None]  # of one draw, shape (1, values)
+        predicted = tested[None]  # one draw, shape (1, values)
         mean = predicted.mean(axis=1)
         rng = np.random.default_rng(seed)
         kinds = error_kinds(len(y), {1.0: 0.0})
         log_likelihood_of_kinds = log_likelihoods(kinds, predicted, y, stated, correlation, mean)[:, 0]
-        # one kind of error by its posterior probability
+        # one kind of error, selected by its posterior probability
         kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihood_of_kinds))]
         scale_normals = rng.standard_normal(1)
         noise_normals = rng.standard_normal((1, len(y)))
@@ -654,14 +693,14 @@ class Sampling:
             kernel(turns.tolist(), turns.tolist()) * is_same_torque,
             (scale_normals, _misfit_normals(loads, turns, seed), noise_normals),
         )
-        # so that kept and computed draws agree
+        # rounded, so that stored and computed draws agree
         shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
 
     def _points_shown(self) -> tuple[Array, Array]:
-        """Return torque [N*m] and turn [deg] of each F'_ior: those asked for, by torque, then those of the values."""
+        """Return the torque [N*m] and rotation [deg] of each F'_ior: requested ones by torque, then measured ones."""
         points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
-        # the measured points too: errors at them are known
+        # include the measured points, at which errors are known
         points += [(datum.M_g, datum.rotation_deg) for datum in self.measured]
         loads, turns = np.array(points).T
         return loads, turns
@@ -669,16 +708,16 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """A contact system, which several draws share: a drive with all values but those of its deviations.
+    """A contact system shared by several draws: a drive with all values except those of its deviations.
 
-    number: of the draw.
-    maps: of the error, at all torques that a draw needs.
-    shares: of the probability of each field, those of the deviations included.
+    number: number of the draw.
+    maps: error maps at all torques that a draw needs.
+    shares: shares of the probability of each field, including those of the deviations.
     follows: values that follow from others, by path.
-    figures: of its stiffness, by name, if there is evidence of stiffness.
-    tests: torque [N*m] and turn [deg] at which F'_ior is evidence, by figure.
-    density: that it was drawn with, over the prior's: q of equation (1).
-    going_on: probability with which it was solved further: p of equation (1).
+    figures: stiffness figures by name, if there are reference data on stiffness.
+    tests: torque [N*m] and rotation [deg] at which reference data on F'_ior apply, by figure.
+    density: density with which it was drawn over that of the prior, q of equation (1).
+    going_on: probability with which it was solved further, p of equation (1).
     """
 
     number: int
@@ -694,12 +733,12 @@ class _System:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """F'_ior of a draw [arcsec], and the proofs.
+    """F'_ior of a draw [arcsec], with the certificates.
 
-    F_ior_arcsec: as the wheel stands, shape (torques,).
-    turned_arcsec: with the wheel turned, shape (torques, rotations).
-    by_figure: F'_ior of the model that is compared with evidence, by figure.
-    turned_proof: of the states with the wheel turned.
+    F_ior_arcsec: F'_ior in the present position, shape (torques,).
+    turned_arcsec: F'_ior with the wheel turned, shape (torques, rotations).
+    by_figure: F'_ior of the model for comparison with reference data, by figure.
+    turned_proof: certificate of the states with the wheel turned.
     """
 
     F_ior_arcsec: Array
@@ -711,11 +750,11 @@ class _Errors:
 
 @dataclass(frozen=True, eq=False)
 class _FurtherSets:
-    """F'_ior [arcsec] of further sets of deviations on a contact system, and the proof.
+    """F'_ior of further sets of deviations on a contact system [arcsec], with the certificate.
 
-    F_ior_arcsec: as mounted, shape (torques, sets).
-    tested_arcsec: as the manufacturer tests it, of each set; None without an accuracy.
-    densities: with which each set was drawn, over the prior's.
+    F_ior_arcsec: F'_ior as mounted, shape (torques, sets).
+    tested_arcsec: reading of each set in the manufacturer's test; None without an accuracy.
+    densities: density of each set over that of the prior.
     """
 
     F_ior_arcsec: Array
@@ -726,11 +765,11 @@ class _FurtherSets:
 
 @dataclass(frozen=True, eq=False)
 class _ChosenSets:
-    """Sets of deviations on a contact system that were chosen by the manufacturer's test, and the proof of the tests.
+    """Sets of deviations on a contact system chosen by the manufacturer's test, with the certificate of the tests.
 
-    shares: of the probability of each field, shape (sets, fields).
-    tested_arcsec: what the manufacturer reads, shape (sets,).
-    densities: with which each set was chosen, over the prior's, shape (sets,).
+    shares: shares of the probability of each field, shape (sets, fields).
+    tested_arcsec: readings of the manufacturer, shape (sets,).
+    densities: density with which each set was chosen over that of the prior, shape (sets,).
     """
 
     shares: Array
@@ -739,7 +778,7 @@ class _ChosenSets:
     proof: Certificate
 
     def further(self, sets: _FurtherSets) -> _FurtherSets:
-        """Return the sets behind the first with their readings and densities."""
+        """Return the sets after the first, with their readings and densities."""
         tested_arcsec = tuple(self.tested_arcsec[1:].tolist())
         return replace(sets, tested_arcsec=tested_arcsec, densities=tuple(self.densities[1:].tolist()))
 
@@ -747,12 +786,12 @@ class _ChosenSets:
 def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Array:
     """Return misfits of variance 1 at points, independent between torques, shape (1, points).
 
-    loads, turns_deg: torque [N*m] and turn [deg] of each point, shape (points,).
-    seed: of the draw.
+    loads, turns_deg: torque [N*m] and rotation [deg] of each point, shape (points,).
+    seed: seed of the draw.
     """
     misfits = np.zeros((1, len(turns_deg)))
     for M_g in np.unique(loads):
-        # by the torque's own bits, so that other torques do not move the numbers of this one
+        # seeded by the bits of the torque, so that other torques do not change its numbers
         rng = np.random.default_rng([*seed, int(M_g.view(np.uint64))])
         normals = rng.standard_normal((1, SMOOTH_NUMBERS))
         misfits[:, loads == M_g] = smooth_misfits(turns_deg[loads == M_g], normals)
@@ -760,38 +799,38 @@ def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Arra
 
 
 def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:
-    """Return an array of two dimensions as the tuples of a record."""
+    """Return a two-dimensional array as the tuples of a record."""
     return tuple(map(tuple, values.tolist()))
 
 
-_CHOSEN = 17  # number in the seeds of a draw for sets of deviations that are chosen by a test
-_SOLVED_CANDIDATES = 8  # sets of which some are chosen by F'_ior, which costs some 70 states each
-_READ_CANDIDATES = 32  # sets of which some are chosen by readings at a few positions
-_SETS = 11  # number in the seeds of a draw for its further sets of deviations
-_TESTED_TURN = 7  # number in the seeds of a draw for the turn in which its accuracy was tested
-_TESTED_START = 13  # number in the seeds of a draw for the first position at which its accuracy was read
+_CHOSEN = 17  # number in the seed for sets of deviations chosen by a test
+_SOLVED_CANDIDATES = 8  # number of candidate sets if they are chosen by F'_ior, which takes some 70 states each
+_READ_CANDIDATES = 32  # number of candidate sets if they are chosen by readings at a few positions
+_SETS = 11  # number in the seed for further sets of deviations
+_TESTED_TURN = 7  # number in the seed for the rotation in the accuracy test
+_TESTED_START = 13  # number in the seed for the first position of the accuracy test
 
 
 def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
-    """Return the turn of the fixed wheel [deg] in which the manufacturer tested the accuracy of a drive.
+    """Return the rotation of the fixed wheel at which the manufacturer tested the accuracy of a drive [deg].
 
-    The preset does not state it, so that each hole is equally likely: to compare the accuracy with the present hole
+    The preset does not state it, so all holes are equally probable. A comparison of the accuracy with the present hole
     would make this hole seem better than the others.
 
-    drive: the drive; if no hole is better than another, the turn is 0.
+    drive: the drive; if no hole is better than another, the rotation is 0.
     seed: seed and number of the draw.
     """
-    # any turn gives the same F'_ior
+    # all rotations give the same F'_ior
     if no_hole_better(drive):
         return 0.0
-    # a manufacturer tests a drive as it happens to be assembled
+    # a manufacturer tests a drive in a random hole
     share = float(np.random.default_rng([*seed, _TESTED_TURN]).random())
     holes = drive.mounting.holes
     return 360 * int(share * holes) / holes if holes else 360 * share
 
 
 def start_of_test(seed: Sequence[int]) -> float:
-    """Return where the manufacturer's test starts, as a share of the full mesh cycle: any angle is equally likely.
+    """Return the random start of the manufacturer's test, as a share of the full mesh cycle.
 
     seed: seed and number of the draw.
     """
@@ -804,19 +843,22 @@ def errors_now(
     torques: Sequence[float],
     measured: Sequence[tuple[float, float]] = (),
 ) -> tuple[Array, Array, Certificate]:
-    """Return F'_ior of a drive as it stands and as measured [arcsec], shapes (torques,) and (measured,), and the proof.
+    """Return F'_ior of a drive in its present position and as measured [arcsec], with the certificate.
 
-    maps: of its error at all torques.
+    The shapes are (torques,) and (measured,).
+
+    maps: error maps at all torques.
     drive: the drive.
     torques: torques [N*m].
-    measured: torque [N*m] and turn [deg] of each measured value.
+    measured: torque [N*m] and rotation [deg] of each measured value.
+
     Raises UntrustedError if a state cannot be trusted.
     """
     F_ior_of_torque: dict[float, float] = {}
     F_ior_of_test: dict[tuple[float, float], float] = {}
     proof = EMPTY
     for error_map in maps:
-        # by themselves, so that their digits are the same whatever else is searched
+        # each position is searched separately, so that its digits do not depend on the others
         tests = [test for test in measured if test[0] == error_map.M_g]
         F_ior = np.nan
         if error_map.M_g in torques or any(turn % 360 == 0 for _, turn in tests):
@@ -839,13 +881,14 @@ def errors_by_turn(
     now: Sequence[float],
     rotations_deg: Sequence[float],
 ) -> tuple[Array, Certificate]:
-    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (torques, rotations), and the proof.
+    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (torques, rotations), and the certificate.
 
-    maps: of its error, at these torques and others.
+    maps: error maps at these and other torques.
     drive: the drive.
     torques: torques [N*m].
-    now: F'_ior as the wheel stands [arcsec], at each torque.
-    rotations_deg: turns of the fixed wheel [deg].
+    now: F'_ior in the present position at each torque [arcsec].
+    rotations_deg: rotations of the fixed wheel [deg].
+
     Raises UntrustedError if a state cannot be trusted.
     """
     map_of_torque = {error_map.M_g: error_map for error_map in maps}
@@ -869,13 +912,14 @@ def _at_turns(
     now: float,
     turns_deg: Sequence[float],
 ) -> tuple[Array, Certificate]:
-    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (turns,), and the proof.
+    """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (turns,), and the certificate.
 
-    now: F'_ior as the wheel stands [arcsec], which a turn by whole revolutions leaves as it is.
+    now: F'_ior in the present position [arcsec], which whole revolutions do not change.
+    turns_deg: rotations of the fixed wheel [deg].
     """
     F_ior = np.full(len(turns_deg), now)
     turned_places = np.flatnonzero(np.array(turns_deg) % 360)
-    # the present position is solved already
+    # the present position is already solved
     if not len(turned_places):
         return F_ior, EMPTY
     batch = Batch.turned(drive, np.array(turns_deg)[turned_places])
@@ -884,33 +928,32 @@ def _at_turns(
     return F_ior, extremes.certificate
 
 
-_OPENED = 0.1  # modules of clearance at each flank, with which any drive has play
+_OPENED = 0.1  # modules of clearance at each flank, with which any drive has backlash
 
 
 def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
-    """Return the profile shift of the rigid wheel [modules] at which the teeth of a drive at rest just mesh, and proof.
+    """Return the profile shift of the circular spline at which the teeth of a drive at rest just mesh [modules].
 
-    A harmonic drive is made so that its teeth just fill their spaces: wave, clearances and the shifts of both wheels
-    are chosen for each other, whatever they are. Without load the flanks are free of each other up to there, so the
-    backlash grows by the same angle with each micrometre of clearance, and one answer with much clearance shows where
-    it begins.
+    A harmonic drive is made so that its teeth just fill their spaces: radial deflection, clearances and the profile
+    shifts of both wheels are matched, whatever their values are. Without load the flanks are free up to this point, so
+    each micrometre of clearance increases the backlash by the same angle. One result with a large clearance therefore
+    shows where backlash begins.
 
-    Raises UntrustedError if the drive has no answer with backlash.
+    The second result is the certificate. Raises UntrustedError if the drive has no result with backlash.
     """
     gears = drive.gears
     alpha = np.radians(gears.alpha)
-    mm_per_shift = gears.m * np.sin(alpha)  # by which a shift of 1 moves a flank along its normal
+    mm_per_shift = gears.m * np.sin(alpha)  # displacement of a flank along its normal per unit of profile shift
     opened_mm = _OPENED * gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
-    # on the cam's own shape the flanks touch here; the elastic drive meshes nearby
-    # nominal gap of the tightest flank, clearance included
+    # the flanks touch at this shift on the nominal shape of the rim; the elastic drive meshes nearby
     least_gap_mm = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n
     first_shift = drive.number(RIGID_SHIFT) - least_gap_mm / mm_per_shift
     opened_drive = at_rest.with_values({RIGID_SHIFT: first_shift, "gears.j_n": gears.j_n + 1e3 * opened_mm})
-    # closes the play to either side
+    # closes the backlash on either side
     least_torque = NEAR_ZERO * drive.rated_torque
     contact, tube, proof = Twist(opened_drive).at(np.array([-least_torque, least_torque]))
     backlash_rad = float(np.diff(contact + tube)[0]) / ARCSEC
-    # a flank's force acts at the base circle: half of the backlash is the clearance over its radius
+    # the force of a flank acts at the base circle, so half of the backlash is the clearance over its radius
     clearance_mm = backlash_rad / 2 * gears.m * gears.z_g / 2 * np.cos(alpha)
     return first_shift - float((clearance_mm - opened_mm) / mm_per_shift), proof

@@ -1,9 +1,9 @@
-"""What edits of a preset do to F'_ior of its samples: solved on a few of them, and on others only where these decide.
+"""Effects of edits of a preset on F'_ior of its samples: solved on a few samples, and on others only if these decide.
 
 An edit changes F'_ior of similar samples by similar factors. It is therefore solved on a few samples first, evenly over
-F'_ior. Every other sample takes the factors of those that are nearest to it in F'_ior, its donors. A sample is settled
-if all donors agree on whether the limit is met and on the likelihood of the reference data. The samples that are not
-settled are solved too, of edits that may still be among the best.
+F'_ior. Every other sample takes the factors of the samples nearest to it in F'_ior, its donors. A sample is settled if
+all donors agree on whether the limit is met and on the likelihood of the reference data. Samples that are not settled
+are solved too, for edits that may still be among the best.
 """
 
 from __future__ import annotations
@@ -45,23 +45,29 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
 LEAST_STEP_GAIN = 0.02  # smallest gain of an option, in probability, or without a limit as a share of F'_ior
-BEST_OF_HOLES = "trials"  # name of the effect of the best of some holes
-_BEST_EDITS = 3  # which are solved as far as the limit needs it
-_FIRST_SAMPLES = 24  # on which all edits are solved
-_MOST_SAMPLES = 96  # that stand for all samples, if more of them have a weight
-_DONORS = 8  # solved samples whose factors another sample takes
-_NO_EFFECT = 0.005  # smallest reduction by a tolerance that counts, as a share of F'_ior
-_LIKELIHOOD_SPREAD = 0.1  # a sample is settled if its likelihood varies by less than this share over its donors
-_FEWEST_EFFECTIVE = 8.0  # samples that agree with the reference data of an edited drive: fewer tell nothing
-_LEAST_ERROR = 1e-9  # arcsec, a divisor
+BEST_OF_HOLES = "trials"  # name of the effect of choosing the best of some holes
+_BEST_EDITS = 3  # number of best edits that are solved as far as the limit requires
+_FIRST_SAMPLES = 24  # number of samples on which all edits are solved
+_MOST_SAMPLES = 96  # largest number of samples that represent all samples
+_DONORS = 8  # number of solved samples whose factors another sample takes
+_NO_EFFECT = 0.005  # smallest relevant reduction by a tolerance, as a share of F'_ior
+# largest spread of the likelihood over the donors of a settled sample, as a share of the largest weight
+_LIKELIHOOD_SPREAD = 0.1
+_FEWEST_EFFECTIVE = 8.0  # smallest effective sample size that agrees with the reference data of an edited drive
+_LEAST_ERROR = 1e-9  # arcsec; smallest divisor
 
 
 @dataclass(frozen=True, eq=False)
 class OptionSamples:
-    """Samples that edits are solved on, and what a limit leaves F'_ior.
+    """Samples on which edits are solved, and the limit of F'_ior.
 
-    samples, None if all is known; rows, places of the samples that stand for all, and their weights; shares of each
-    field's probability; torque, its place; room_arcsec, None without a limit; sure, probability that PASS needs.
+    samples: the samples; None if all inputs are known.
+    rows: indices of the samples that represent all of them.
+    weights: weights of these rows.
+    shares: shares of each field's probability.
+    torque: index of the torque.
+    room_arcsec: limit minus self error [arcsec]; None without a limit.
+    sure: probability that PASS needs.
     """
 
     prior: DrivePrior
@@ -82,9 +88,9 @@ class OptionSamples:
         room_arcsec: float | None,
         sure: float,
     ) -> OptionSamples:
-        """Return the samples of a drive that edits are solved on."""
+        """Return the samples of a drive on which edits are solved."""
         first = None if samples is None else samples.of_ranges
-        # all is known: one sample at the middle of every share
+        # if all inputs are known, one sample with the middle of every share
         if first is None:
             rows = np.zeros(1, dtype=np.int64)
             weights = np.ones(1)
@@ -93,7 +99,7 @@ class OptionSamples:
             # samples without weight need no edit
             rows = np.flatnonzero(first.weights)
             weights = first.weights[rows]
-            # even shares of the weight: each chosen row stands for as many as it was drawn
+            # each selected row represents as many equal shares of the weight as it was selected for
             if len(rows) > _MOST_SAMPLES:
                 rows, count = np.unique(even_rows(first.weights, _MOST_SAMPLES), return_counts=True)
                 weights = count.astype(float)
@@ -111,7 +117,7 @@ class OptionSamples:
 
     @property
     def stated_arcsec(self) -> Array | None:
-        """F'_ior of the samples as all pages state it [arcsec], shape (rows,); None if all is known."""
+        """F'_ior of the samples as stated on all pages [arcsec], shape (rows,); None if all inputs are known."""
         return None if self.samples is None else self.samples.F_ior_arcsec[self.rows, self.torque]
 
     @property
@@ -123,7 +129,7 @@ class OptionSamples:
     def all_sets(self) -> tuple[Array, Array] | None:
         """F'_ior of all sets of deviations [arcsec] and their weights, shape (sets x rows,) each, the samples first.
 
-        None if all is known.
+        None if all inputs are known.
         """
         if self.samples is None:
             return None
@@ -135,17 +141,17 @@ class OptionSamples:
 
     @cached_property
     def first_rows(self) -> NDArray[np.int64]:
-        """Places among the rows of the first samples that are solved, evenly over F'_ior."""
+        """Indices among the rows of the samples that are solved first, evenly over F'_ior."""
         if self.stated_arcsec is None:
             return np.zeros(1, dtype=np.int64)
-        # spread over F'_ior, as factors of an edit depend on it
+        # evenly over F'_ior, because the factors of an edit depend on it
         order = np.argsort(self.stated_arcsec, kind="stable")
         count = min(_FIRST_SAMPLES, len(order))
         return np.unique(order[even_rows(self.weights[order], count)])
 
     @cached_property
     def draw_numbers(self) -> list[int]:
-        """Number among all draws of the sample of each row."""
+        """Number of the sample of each row among all draws."""
         if self.samples is None:
             return [0]
         # refused draws have a number too, so rows and numbers differ
@@ -154,7 +160,7 @@ class OptionSamples:
 
     @property
     def tested_arcsec(self) -> Array | None:
-        """F'_ior of the samples as the manufacturer tests it [arcsec], shape (rows,); None without an accuracy."""
+        """F'_ior of the samples as read in the accuracy test [arcsec], shape (rows,); None without an accuracy."""
         if self.samples is None:
             return None
         figures = [self.samples.made[number].figures for number in self.draw_numbers]
@@ -163,9 +169,9 @@ class OptionSamples:
         return np.array([of_draw[ACCURACY] for of_draw in figures])
 
     def edited_shares(self, prior: DrivePrior, seed: int) -> Array:
-        """Return shares of each field of an edited drive: those of the samples, and of a new field random ones."""
+        """Return shares of each field of an edited drive: those of the samples, and random ones for new fields."""
         places = {of_field.path: place for place, of_field in enumerate(self.prior.fields)}
-        # a field that only the edited drive has
+        # fields that only the edited drive has get random shares
         rng = np.random.default_rng([seed, len(prior.fields)])
         columns = []
         for of_field in prior.fields:
@@ -174,17 +180,18 @@ class OptionSamples:
         return np.array(columns).reshape(len(prior.fields), len(self.rows)).T
 
     def row_values(self, rows: Sequence[int]) -> list[dict[str, float]]:
-        """Return the values by path of the samples in some rows."""
+        """Return the values of the samples in the given rows, by path."""
         return self.samples.values(self.rows[rows]) if self.samples else [{} for _ in rows]
 
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """F'_ior of samples with an edit, of each sample by its own solution or by those of its donors.
+    """F'_ior of samples with an edit, from the solution of each sample or of its donors.
 
-    F_ior_arcsec: shape (rows, donors).
-    weights: of each of these, which differ from those of the samples by reference data, shape (rows, donors).
-    is_solved: which samples the edit was solved on, shape (rows,).
+    F_ior_arcsec: F'_ior [arcsec], shape (rows, donors).
+    weights: weights of these values, which differ from those of the samples due to reference data, shape (rows,
+        donors).
+    is_solved: whether the edit was solved on each sample, shape (rows,).
     """
 
     F_ior_arcsec: Array
@@ -192,35 +199,38 @@ class Effect:
     is_solved: NDArray[np.bool_]
 
     def values(self) -> tuple[Array, Array]:
-        """Return F'_ior [arcsec] and its weights, one value of a sample whose donors agree, shape (values,) each."""
+        """Return F'_ior [arcsec] and its weights, one value for a sample whose donors agree, shape (values,) each."""
         is_one = (self.F_ior_arcsec == self.F_ior_arcsec[:, :1]).all(axis=1)
         F_ior = np.concatenate([self.F_ior_arcsec[is_one, 0], self.F_ior_arcsec[~is_one].ravel()])
         weights = np.concatenate([self.weights[is_one].sum(axis=1), self.weights[~is_one].ravel()])
         return F_ior, weights
 
     def met(self, left_arcsec: float) -> Array:
-        """Return with which probability each sample meets what a limit leaves F'_ior [arcsec], shape (rows,)."""
-        # a sample whose donors refuse it has no weight
+        """Return the probability that each sample meets a limit, shape (rows,).
+
+        left_arcsec: limit minus self error [arcsec].
+        """
+        # a sample rejected by its donors has no weight
         of_row = self.weights.sum(axis=1)
         met = (self.weights * (self.F_ior_arcsec <= left_arcsec)).sum(axis=1)
         return np.asarray(met / np.where(of_row > 0, of_row, 1))
 
     def unsettled(self, left_arcsec: float | None) -> NDArray[np.bool_]:
-        """Return which samples are neither solved nor settled by their donors, shape (rows,)."""
-        # donors that disagree on whether the sample fits the reference data
+        """Return whether each sample is neither solved nor settled by its donors, shape (rows,)."""
+        # donors disagree on whether the sample agrees with the reference data
         spread = np.ptp(self.weights, axis=1) / max(float(self.weights.max()), 1e-300)
         is_open = spread > _LIKELIHOOD_SPREAD
         if left_arcsec is not None:
             is_met = self.F_ior_arcsec <= left_arcsec
-            # donors that disagree on the limit
+            # donors disagree on the limit
             is_open |= is_met.any(axis=1) & ~is_met.all(axis=1)
         return np.asarray(is_open & ~self.is_solved)
 
     def of_samples(self, left_arcsec: float, rows: int) -> tuple[Array, Array]:
-        """Return with which probability each sample meets a limit over its sets, and its weight, shape (rows,) each.
+        """Return the probability that each sample meets a limit over its sets, and its weight, shape (rows,) each.
 
-        left_arcsec: what the limit leaves F'_ior [arcsec].
-        rows: number of samples, whose sets stand in blocks.
+        left_arcsec: limit minus self error [arcsec].
+        rows: number of samples, whose sets are stored in blocks.
         """
         weights = self.weights.sum(axis=1).reshape(-1, rows)
         met = self.met(left_arcsec).reshape(-1, rows)
@@ -228,11 +238,14 @@ class Effect:
         return np.asarray((weights * met).sum(axis=0) / np.where(of_sample > 0, of_sample, 1)), of_sample
 
     def bounds(self, left_arcsec: float) -> tuple[float, float]:
-        """Return the least and the greatest probability of meeting a limit that the unsettled samples leave open."""
+        """Return bounds of the probability of meeting a limit, given that some samples are not settled.
+
+        left_arcsec: limit minus self error [arcsec].
+        """
         weights = self.weights.sum(axis=1)
         met = self.met(left_arcsec)
         is_open = self.unsettled(left_arcsec)
-        # unsettled samples all miss the limit, or all meet it
+        # either none of the unsettled samples meets the limit, or all do
         low = np.average(np.where(is_open, 0.0, met), weights=weights)
         high = np.average(np.where(is_open, 1.0, met), weights=weights)
         return float(low), float(high)
@@ -240,10 +253,12 @@ class Effect:
 
 @dataclass(frozen=True)
 class _Solved:
-    """F'_ior [arcsec] of a sample with each edit, by name, "" without any; None of one that makes no drive.
+    """F'_ior of a sample with each edit [arcsec].
 
-    F_ior at the torque; tested, at the load under which an accuracy is tested; in_holes, with the wheel in each hole,
-    at all torques, shape (torques, holes).
+    F_ior: F'_ior at the torque by name of the edit, "" without any edit; None if it gives no valid drive.
+    tested: F'_ior at the torque of an accuracy test, by name.
+    in_holes: F'_ior with the wheel in each hole, at all torques, shape (torques, holes).
+    proof: certificate of the states.
     """
 
     F_ior: Mapping[str, float | None]
@@ -257,12 +272,16 @@ _SOLVED = TypeAdapter(list[_Solved])
 
 @dataclass(frozen=True)
 class _Task:
-    """What is solved of a sample.
+    """Quantities to solve for one sample.
 
-    values: of the sample, by path; edits: values that edits change, by name; systems: the same of edits with another
-    contact system; tried_deg: turns of the wheel of which the best one counts; holes_deg: turns of all holes;
-    tested_deg: turn in which the accuracy is tested; tested: names of the edits that it counts for; test_start: first
-    position of that test, as a share of the full mesh cycle.
+    values: values of the sample, by path.
+    edits: values changed by each edit, by name.
+    systems: values changed by each edit with a different contact system, by name.
+    tried_deg: rotations of the wheel, the best of which counts [deg].
+    holes_deg: rotations to all holes [deg].
+    tested_deg: rotation in the accuracy test [deg].
+    tested: names of the edits to which the accuracy applies.
+    test_start: first position of the test, as a share of the full mesh cycle.
     """
 
     values: Mapping[str, float]
@@ -275,7 +294,7 @@ class _Task:
     test_start: float = 0.0
 
     def of_edits(self, names: Iterable[str]) -> _Task:
-        """Return the task of some edits alone, without the holes."""
+        """Return the task for some edits only, without the holes."""
         chosen = {*names}
         return replace(
             self,
@@ -289,14 +308,14 @@ class _Task:
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """What edits do to F'_ior of samples.
+    """Effects of edits on F'_ior of samples.
 
     samples: the samples.
-    stated_arcsec: F'_ior of each without any edit, shape (rows,).
-    by_name: the effect of each edit; none of an edit that makes no drive, or has no effect.
-    hole_factors: F'_ior in each hole over that in the present one, of the first samples at all torques, shape (first
-    rows, torques, holes).
-    proof: of all states behind them.
+    stated_arcsec: F'_ior of each sample without any edit [arcsec], shape (rows,).
+    by_name: effect of each edit; edits that give no valid drive or have no effect are omitted.
+    hole_factors: F'_ior in each hole over that in the present one, for the first samples at all torques, shape (first
+        rows, torques, holes).
+    proof: certificate of all states.
     """
 
     samples: OptionSamples
@@ -308,14 +327,14 @@ class Effects:
 
 @dataclass(frozen=True, eq=False)
 class EditQuestion:
-    """Which edits are solved, and how.
+    """Edits to solve, with their settings.
 
-    samples: the samples, and the place of the torque.
+    samples: the samples, with the index of the torque.
     edits: the edits.
     torques: all torques of the drive [N*m].
-    tried_deg: turns of the wheel of which the best one is an effect of its own, by the name BEST_OF_HOLES.
-    holes_deg: turns of the holes that the first samples are solved in at all torques.
-    is_measured: whether F'_ior was measured on the drive, which reference data do not count beside.
+    tried_deg: rotations of the wheel, the best of which is a separate effect with the name BEST_OF_HOLES [deg].
+    holes_deg: rotations to the holes in which the first samples are solved at all torques [deg].
+    is_measured: whether F'_ior was measured on the drive, in which case other reference data do not count.
     """
 
     samples: OptionSamples
@@ -326,9 +345,12 @@ class EditQuestion:
     is_measured: bool = False
 
     def effects(self, run: Run = Run()) -> Effects:
-        """Return what the edits do to F'_ior at the torque. Raises UntrustedError if a state cannot be trusted."""
+        """Return the effects of the edits on F'_ior at the torque.
+
+        Raises UntrustedError if a state cannot be trusted.
+        """
         samples = self.samples
-        # a few samples get all edits; the others only those whose verdict is open
+        # a few samples are solved with all edits, the others only if their verdict is open
         first = samples.first_rows.tolist()
         solved = dict(
             zip(
@@ -337,12 +359,12 @@ class EditQuestion:
                 strict=True,
             )
         )
-        # an edit without effect on any sample is no option
+        # an edit without effect on any sample is not an option
         names = [edit.name for edit in self.edits if not _is_idle(edit, [*solved.values()])]
         if self.tried_deg:
             names.append(BEST_OF_HOLES)
         effects = self._effects(names, solved)
-        # samples that donors leave open, with the edits that matter for them
+        # samples that their donors do not settle, with the relevant edits
         undecided = _undecided(samples, effects)
         if undecided:
             tasks = zip(
@@ -365,7 +387,7 @@ class EditQuestion:
     def _hole_factors(self, answers: Sequence[_Solved]) -> Array:
         """Return F'_ior of the first samples in each hole over that in the present one, shape (first, torques, holes).
 
-        It is empty without holes, and where all is known.
+        The result is empty without holes, and if all inputs are known.
         """
         samples = self.samples
         if not self.holes_deg or samples.samples is None:
@@ -375,9 +397,9 @@ class EditQuestion:
         return np.asarray(in_holes / np.maximum(present, _LEAST_ERROR)[:, :, None])
 
     def _effects(self, names: Sequence[str], solved: Mapping[int, _Solved]) -> dict[str, Effect]:
-        """Return the effects of edits by what is solved; without those that make no drive of a sample."""
+        """Return the effects of edits from solved samples, omitting edits that give no valid drive for a sample."""
         evidence = None
-        # a measured F'_ior outweighs the catalogue's accuracy
+        # a measured F'_ior takes precedence over the catalogue's accuracy
         if not self.is_measured and self.samples.samples:
             data = evidence_of(self.samples.prior.drive)
             evidence = next((datum for datum in data if datum.figure == ACCURACY), None)
@@ -389,10 +411,10 @@ class EditQuestion:
         return effects
 
     def _tasks(self, rows: Sequence[int], seed: int) -> list[_Task]:
-        """Return what is solved of the samples in some rows."""
+        """Return the tasks for the samples in the given rows."""
         samples = self.samples
         drive = samples.prior.drive
-        # a better grade changes the weights of samples, and no drive
+        # a better accuracy grade changes the weights of samples, but not the drives
         changing = [edit for edit in self.edits if edit.kind != "accuracy"]
         tested = self._tested_edits(changing)
         values = {edit.name: edit.prior.values(samples.edited_shares(edit.prior, seed)[rows]) for edit in changing}
@@ -402,7 +424,7 @@ class EditQuestion:
             systems = dict[str, Mapping[str, float | str | None]]()
             for edit in changing:
                 edited = edit.prior.drive.with_values(values[edit.name][place])
-                # a support changes the contact system, deviations only the gaps
+                # a support changes the contact system, deviations change only the gaps
                 if edit.has_own_system:
                     systems[edit.name] = {SUPPORT_FIELD: edited.number(SUPPORT_FIELD), COUPLING: edited.cam.coupling}
                 else:
@@ -422,17 +444,17 @@ class EditQuestion:
         return tasks
 
     def _tested_edits(self, changing: Sequence[Edit]) -> tuple[str, ...]:
-        """Return the names of edits that an accuracy counts for, "" of the drive without any."""
+        """Return the names of edits to which an accuracy applies, "" for the drive without any edit."""
         if self.samples.tested_arcsec is None:
             return ("",) if len(changing) < len(self.edits) else ()
         return () if self.is_measured else tuple(edit.name for edit in changing)
 
     def _solve(self, tasks: Sequence[_Task], run: Run) -> list[_Solved]:
-        """Return what is solved of samples, kept in the user's cache."""
+        """Return the results of tasks, from the user's cache if they are stored there."""
         samples = self.samples
         drive = samples.prior.drive
         is_drawn = samples.samples is not None
-        # everything that decides the numbers; texts and limits do not
+        # all dependencies of the results, without texts and limits
         depends = {
             "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "tasks": [_described(task) for task in tasks],
@@ -451,21 +473,21 @@ class EditQuestion:
 
 
 def _described(task: _Task) -> list[object]:
-    """Return all that the answer to a task depends on."""
+    """Return everything that the result of a task depends on."""
     turns = [task.tried_deg, task.holes_deg, task.tested_deg, task.tested]
     return [dict(task.values), task.edits, task.systems, *turns, task.test_start]
 
 
 def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
-    """Return the sizes of deviations of an edited drive, by path, that are not those of a drive."""
+    """Return the sizes of deviations of an edited drive that differ from those of a drive, by path."""
     sizes = {path: edited.number(path) for path in deviation_sizes()}
     return {path: size for path, size in sizes.items() if size != drive.number(path)}
 
 
 def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
-    """Return the edits by row that are to be solved further: on unsettled samples, if they may be among the best."""
+    """Return the edits to solve further, by row: for unsettled samples, if the edits may be among the best."""
     limit = samples.room_arcsec
-    if samples.all_sets is None:  # a single sample, which is solved
+    if samples.all_sets is None:  # a single sample is already solved
         return {}
     stated, weights = samples.all_sets
     contenders = [name for name in effects if not name.startswith("accuracy:")]
@@ -489,7 +511,7 @@ def _effect(
     solved: Mapping[int, _Solved],
     evidence: Evidence | None,
 ) -> Effect | None:
-    """Return the effect of an edit; None if it makes no drive of a sample, or hardly a sample agrees with it."""
+    """Return the effect of an edit; None if it gives no valid drive, or if hardly any sample agrees with it."""
     grade = name.partition(":")[2] if name.startswith("accuracy:") else ""
     source = "" if grade else name
     answers = {row: answer for row, answer in solved.items() if source in answer.F_ior}
@@ -503,7 +525,8 @@ def _effect(
     if grade:
         is_solved[:count] |= samples.tested_arcsec is not None
     likelihood = _likelihood(samples, name, answers, every_donor[:count], evidence)
-    likelihood = np.vstack([likelihood, likelihood[every_donor[count:], 0]])  # of further sets that of their donors
+    # further sets take the likelihood of their donors
+    likelihood = np.vstack([likelihood, likelihood[every_donor[count:], 0]])
     weights = stated_weights[:, None] / every_donor.shape[1] * likelihood
     effective = effective_number(weights[:count].sum(axis=1))
     if samples.samples and effective < min(_FEWEST_EFFECTIVE, effective_number(samples.weights)):
@@ -518,7 +541,7 @@ def _likelihood(
     donors: NDArray[np.int64],
     evidence: Evidence | None,
 ) -> Array:
-    """Return the likelihood of the reference data with an edit over that without, shape (rows, donors)."""
+    """Return the likelihood of the reference data with an edit over that without it, shape (rows, donors)."""
     if name.startswith("accuracy:"):
         return _grade_likelihood(samples, float(name.partition(":")[2]), answers, donors, evidence)
     if evidence:
@@ -531,7 +554,7 @@ def _factor(
     answers: Mapping[int, _Solved],
     name: str,
 ) -> Array | None:
-    """Return F'_ior with an edit over that without, shape (rows,), NaN if unsolved; None if a sample makes no drive."""
+    """Return F'_ior with an edit over that without it, shape (rows,), NaN if unsolved; None without a valid drive."""
     factor = np.full(rows, np.nan)
     for row, answer in answers.items():
         edited = answer.F_ior[name]
@@ -549,7 +572,7 @@ def _likelihood_ratio(
     donors: NDArray[np.int64],
     evidence: Evidence,
 ) -> Array:
-    """Return the likelihood of the accuracy of edited samples over that of the samples, shape (rows, donors)."""
+    """Return the likelihood of the accuracy for edited samples over that for the samples, shape (rows, donors)."""
     tested = samples.tested_arcsec
     if tested is None:
         return np.ones(donors.shape)
@@ -565,13 +588,13 @@ def _grade_likelihood(
     donors: NDArray[np.int64],
     evidence: Evidence | None,
 ) -> Array:
-    """Return the likelihood of samples with a better accuracy over that with the present one, shape (rows, donors).
+    """Return the likelihood of a better accuracy over that of the present one, shape (rows, donors).
 
-    samples: the samples, of which F'_ior as tested is known if the catalogue has an accuracy.
+    samples: the samples, with F'_ior as tested if the catalogue has an accuracy.
     grade_arcsec: the better accuracy [arcsec].
-    answers: those of the solved samples by row.
-    donors: solved samples of each sample, shape (rows, donors).
-    evidence: the present accuracy, None without any.
+    answers: results of the solved samples by row.
+    donors: donors of each sample, shape (rows, donors).
+    evidence: the present accuracy; None without one.
     """
     grade = accuracy_evidence(grade_arcsec, samples.prior.drive.catalogue.accuracy_test)
     stated = samples.stated_arcsec
@@ -604,10 +627,10 @@ def _tested_factor(
 
 
 def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
-    """Return the solved samples whose factors a sample takes, shape (rows, donors): itself alone if it is solved.
+    """Return the donors of each sample, shape (rows, donors), which for a solved sample are only the sample itself.
 
     F_ior_arcsec: F'_ior of the samples [arcsec], shape (rows,).
-    factor: of F'_ior with an edit, shape (rows,), NaN if not solved.
+    factor: F'_ior with an edit over that without it, shape (rows,), NaN if unsolved.
     """
     places = np.flatnonzero(~np.isnan(factor))
     distance = np.abs(np.subtract.outer(np.log(F_ior_arcsec), np.log(F_ior_arcsec[places])))
@@ -617,7 +640,7 @@ def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
 
 
 def _is_idle(edit: Edit, answers: Sequence[_Solved]) -> bool:
-    """Return whether a tolerance hardly reduces F'_ior of any of some samples."""
+    """Return whether a tolerance hardly reduces F'_ior of any of the samples."""
     if edit.kind != "tolerance":
         return False
     pairs = [(answer.F_ior[""], answer.F_ior.get(edit.name)) for answer in answers]
@@ -625,7 +648,7 @@ def _is_idle(edit: Edit, answers: Sequence[_Solved]) -> bool:
     return not reductions or max(reductions) < _NO_EFFECT
 
 
-# One sample
+# --- solution of one sample
 
 
 def _solve_one(
@@ -659,7 +682,7 @@ def _as_mounted(
     task: _Task,
     is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
-    """Return F'_ior [arcsec] with edits of the same contact system, by name, and the proof."""
+    """Return F'_ior with edits of the same contact system [arcsec], by name, and the certificate."""
     turned = [turned_directions(drive, turn) for turn in task.tried_deg]
     values, proof = searched(
         error_map,
@@ -686,7 +709,7 @@ def _tested(
     task: _Task,
     is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
-    """Return F'_ior [arcsec] as the manufacturer tests it with edits of the same contact system, and the proof."""
+    """Return F'_ior in the manufacturer's test with edits of the same contact system [arcsec], and the certificate."""
     names = [name for name in task.tested if name not in task.systems]
     if not names:
         return {}, EMPTY
@@ -699,11 +722,12 @@ def _tested(
 def _solve_system(
     drive: Drive, M_g: float, task: _Task, is_drawn: bool, is_tested: bool
 ) -> tuple[float, float | None, Certificate]:
-    """Return F'_ior [arcsec] of a drive with a contact system of its own, as mounted and as tested, and the proof.
+    """Return F'_ior of a drive with its own contact system [arcsec], as mounted and as tested, and the certificate.
 
-    task: turn and first position of the test of the accuracy.
-    is_tested: whether the accuracy counts for this drive.
-    Raises UntrustedError if an answer cannot be trusted.
+    task: task with the rotation and first position of the accuracy test.
+    is_tested: whether the accuracy applies to this drive.
+
+    Raises UntrustedError if a result cannot be trusted.
     """
     if not is_tested:
         [error_map] = error_maps(drive, [M_g])
@@ -725,9 +749,12 @@ def _solve_system(
 def _as_tested(
     error_map: ErrorMap, drive: Drive, changes: Sequence[Mapping[str, float]], start: float, is_drawn: bool
 ) -> tuple[list[float], Certificate]:
-    """Return what the manufacturer reads [arcsec] of a drive with each of some changes, and the proof.
+    """Return the manufacturer's readings of a drive with each of several changes [arcsec], and the certificate.
 
-    The same first position for all changes: they are compared with each other.
+    All changes have the same first position, because they are compared with each other.
+
+    changes: changed values by path.
+    start: first position, as a share of the full mesh cycle.
     """
     grids = DRAWN_GRIDS if is_drawn else FINE_GRIDS
     positions = tested_positions(drive.catalogue.accuracy_test)
@@ -742,7 +769,7 @@ def _in_holes(
     holes_deg: Sequence[float],
     is_drawn: bool,
 ) -> tuple[tuple[tuple[float, ...], ...], Certificate]:
-    """Return F'_ior [arcsec] of a drive in holes, shape (torques, holes), and the proof; nothing without holes."""
+    """Return F'_ior of a drive in holes [arcsec], shape (torques, holes), and the certificate; empty without holes."""
     if not holes_deg:
         return (), EMPTY
     changes = [turned_directions(drive, turn) for turn in holes_deg]
@@ -751,7 +778,7 @@ def _in_holes(
 
 
 def turned_directions(drive: Drive, turn_deg: float) -> dict[str, float]:
-    """Return the directions of a drive, by path, with the fixed wheel turned."""
+    """Return the directions of a drive with the fixed wheel turned, by path."""
     return {path: drive.number(path) + turn_deg for path in carried(drive)} if turn_deg % 360 else {}
 
 
@@ -762,13 +789,13 @@ def searched(
     *,
     is_drawn: bool,
 ) -> tuple[list[float], Certificate]:
-    """Return F'_ior [arcsec] of a drive with each of some changes of its deviations, and the proof."""
+    """Return F'_ior of a drive with each of several changes of its deviations [arcsec], and the certificate."""
     extremes = many_extremes(error_map, _changed(drive, changes), DRAWN_GRIDS if is_drawn else FINE_GRIDS)
     return extremes.F_ior_arcsec.tolist(), extremes.certificate
 
 
 def _changed(drive: Drive, changes: Sequence[Mapping[str, float]]) -> Batch:
-    """Return a drive with each of some changes of its deviations, by path."""
+    """Return a batch of a drive with each of several changes of its deviations, by path."""
     paths = {path for change in changes for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([change.get(path, drive.number(path)) for change in changes]) for path in sorted(paths)}
     return Batch(drive, columns)

@@ -1,12 +1,12 @@
-"""What it would take to meet a limit: options to act on, and questions to the manufacturer.
+"""Ways to meet a limit: options to act on, and questions to the manufacturer.
 
-An option is an edit of the preset, as a user would make it, applied to the samples of the drive with the same random
-numbers, so that its probability is that of a check of the edited preset. What follows from an edited field follows: a
-tighter wheel has a tighter pitch and smaller harmonics too. Reference data (the accuracy) are applied again, as the
-edited drive is another one that the manufacturer tests. A wheel in another hole is the same drive, which keeps its
-weight. A question divides the samples by its answers.
+An option is an edit of the preset, as a user would make it. It is applied to the samples of the drive with the same
+random numbers, so that its probability is that of a check of the edited preset, including all dependent changes: a
+wheel with a tighter tolerance also has smaller pitch deviations and harmonics. Reference data (the accuracy) are
+applied again, because the edited drive is another drive that the manufacturer tests. With the wheel in another hole,
+the drive is the same and keeps its weight. A question divides the samples by the possible answers.
 
-The probability of an edit is that of `check` plus the difference that the edit makes over the solved samples:
+The probability after an edit is that of `check` plus the difference due to the edit over the solved samples:
 
 (1)  P' = P + mean of [F' <= left] with the weights of the edited drive - mean of [F <= left]
 """
@@ -51,13 +51,15 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
-_TRIED_HOLES = 4
-_PHASORS_OFF = 20  # strongest waves, that a controller takes off
-_CORRECTED = 3  # samples of which the full cycle is corrected
-_CLEAR = 3.0  # standard errors by which a hole is worse that is not tried further
-_NEARLY = 0.005  # holes whose loss or probability differs by less are all solved
-_LEVEL_PLACES = 12  # positions of a free seat by which torques are compared
-_FREE_POSITIONS = round(360 / FREE_STEP_DEG)  # places of a seat whose angle is free, counted as if they were holes
+_TRIED_HOLES = 4  # largest number of holes in a trial of some holes
+_PHASORS_OFF = 20  # number of strongest components that a controller removes
+_CORRECTED = 3  # number of samples whose full cycle is corrected
+_CLEAR = 3.0  # number of standard errors by which a hole that is not considered further is worse
+# largest difference of loss or probability at which holes are considered nearly equal, so that all are solved
+_NEARLY = 0.005
+_LEVEL_PLACES = 12  # number of positions of a free seat with which torques are compared
+# number of positions of a seat with a free angle, which are treated as holes
+_FREE_POSITIONS = round(360 / FREE_STEP_DEG)
 
 _StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "accuracy", "question"]
 _Needs = Literal["", "values in holes", "recording", "answer"]
@@ -66,10 +68,12 @@ _ReferenceData = Literal["kept", "applied again"]
 
 @dataclass(frozen=True)
 class Outcome(ClosedRecord):
-    """F'_ior [arcsec] after a step, or with one answer to a question: percentiles, probability of meeting the limit.
+    """F'_ior after a step or with an answer to a question: percentiles [arcsec] and probability of meeting the limit.
 
-    answer, in the words or number of a preset, empty of a step; chance of that answer; probability with its Monte Carlo
-    interval, None without a limit; edit, the changes of the preset that state the answer.
+    answer: answer in the words or number of a preset; empty for a step.
+    chance: probability of that answer.
+    probability, probability_low, probability_high: probability with its Monte Carlo interval; None without a limit.
+    edit: changes of the preset that state the answer.
     """
 
     answer: str
@@ -85,13 +89,16 @@ class Outcome(ClosedRecord):
 
 @dataclass(frozen=True)
 class Step(ClosedRecord):
-    """A step on a drive and what comes of it.
+    """A step for a drive, with its outcomes.
 
-    kind; of: hole to go to or holes to try (turns [deg] of a seat without holes), number of phasors, path of the field,
-    coupling, or accuracy [arcsec]; outcomes, of a question one an answer; gain: mean move of the probability of meeting
-    the limit, or without one of the median of F'_ior, as a share of it; edit: the changes of the preset that carry it
-    out, as --set takes them, none if a value has to be measured first; needs, what that is; reference_data, whether
-    they were applied again.
+    kind: kind of the step.
+    of: hole or holes (rotations [deg] for a seat without holes), number of phasors, path of the field, coupling, or
+        accuracy [arcsec].
+    outcomes: outcomes of the step, for a question one per answer.
+    gain: mean change of the probability of meeting the limit, or without a limit of the median of F'_ior, as a share.
+    edit: changes of the preset for --set that implement the step; empty if a value must be measured first.
+    needs: value or data that must be obtained first.
+    reference_data: whether the reference data were applied again.
     """
 
     kind: _StepKind
@@ -104,13 +111,13 @@ class Step(ClosedRecord):
 
     @property
     def is_question(self) -> bool:
-        """Whether the step is a question, and no option to act on."""
+        """Whether the step is a question rather than an option."""
         return self.kind == "question"
 
 
 @dataclass(frozen=True)
 class _Corrected:
-    """The share of F'_ior that a correction of the strongest terms leaves of a full cycle, and the proof."""
+    """Residual share of F'_ior after a correction of the strongest terms of a full cycle, with the certificate."""
 
     share: float
     proof: Certificate
@@ -129,22 +136,23 @@ def steps_of(
     sure: float = SURE,
     middle: KinematicError | None = None,
 ) -> tuple[tuple[Step, ...], Certificate]:
-    """Return steps on a drive at one of its torques, and their proof: options by their gain, then questions by theirs.
+    """Return steps for a drive at one torque, and their certificate: options by gain, then questions by gain.
 
     prior: prior of the drive.
-    samples: samples of it; None if all is known.
+    samples: samples of the drive; None if all inputs are known.
     torques: torques of the drive [N*m].
-    torque: place of the torque that the steps are for.
-    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
+    torque: index of the torque of the steps.
+    left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     run: the run.
     sure: probability of meeting a limit that PASS needs.
-    middle: the full cycle of the sample in the middle at that torque, if it is known.
-    The result is empty of drives with rolling balls. Raises UntrustedError if a state cannot be trusted.
+    middle: full cycle of the median sample at that torque, if it is known.
+
+    The result is empty for drives with rolling balls. Raises UntrustedError if a state cannot be trusted.
     """
     if not searchable(prior.drive):
         return (), EMPTY
     if samples is not None and not (samples.sets_arcsec[:, :, torque] > 0).all():
-        return (), EMPTY  # a gain is a share of F'_ior
+        return (), EMPTY  # a gain is a share of F'_ior, which must not be 0
     basis = OptionSamples.of(prior, samples, torque, left_arcsec[torque], sure)
     question = _edit_question(basis, torques)
     effects = question.effects(run)
@@ -160,16 +168,16 @@ def steps_of(
 
 
 def _worthwhile(steps: Sequence[Step], now: Outcome) -> tuple[Step, ...]:
-    """Return the steps that gain enough, with their gain: options by it, then questions by theirs."""
+    """Return the steps with a sufficient gain, together with it: options by gain, then questions by gain."""
     with_gain = [replace(step, gain=_gain(now, step.outcomes)) for step in steps]
     worthwhile = [step for step in with_gain if step.gain >= LEAST_STEP_GAIN]
     return tuple(sorted(worthwhile, key=lambda step: (step.is_question, -step.gain)))
 
 
 def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuestion:
-    """Return what to solve of the edits and turns of a drive.
+    """Return the edits and rotations of a drive to solve.
 
-    basis: samples of the drive that edits are solved on.
+    basis: samples of the drive on which edits are solved.
     torques: torques of the drive [N*m].
     """
     prior = basis.prior
@@ -192,7 +200,10 @@ def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuesti
 
 
 def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
-    """Return the outcome without any step; samples: all stages of them, None if all is known."""
+    """Return the outcome without any step.
+
+    samples: all stages of the samples; None if all inputs are known.
+    """
     basis = effects.samples
     if samples is None or basis.samples is None:
         return _outcome(effects.stated_arcsec, np.ones(1), basis.room_arcsec, None)
@@ -204,15 +215,18 @@ def _outcome_now(effects: Effects, samples: Samples | None) -> Outcome:
 
 
 def _all_sets(samples: Samples, torque: int) -> tuple[Array, Array]:
-    """Return F'_ior [arcsec] at a torque, by its place, of all sets of deviations, and the weights of these."""
+    """Return F'_ior at a torque for all sets of deviations [arcsec], and their weights.
+
+    torque: index of the torque.
+    """
     return samples.sets_arcsec[:, :, torque].ravel(), samples.set_weights.ravel()
 
 
 def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
-    """Return the mean move of the probability of meeting the limit, or of the median as a share.
+    """Return the mean change of the probability of meeting the limit, or of the median as a share.
 
-    now: the outcome without a step.
-    outcomes: that of a step, or those of the answers to a question, which count by their size either way.
+    now: outcome without a step.
+    outcomes: outcome of a step, or outcomes of the answers to a question, which count by their absolute change.
     """
     chances = sum(outcome.chance for outcome in outcomes)
     gain = 0.0
@@ -231,11 +245,11 @@ def _outcome(
     room_arcsec: float | None,
     met: Probability | None = None,
 ) -> Outcome:
-    """Return F'_ior [arcsec] over weighted samples.
+    """Return the outcome for F'_ior over weighted samples.
 
     F_ior: F'_ior of the samples [arcsec], shape (samples,).
-    weights: their weights, shape (samples,).
-    room_arcsec: what a limit leaves F'_ior [arcsec]; None without a limit.
+    weights: weights of the samples, shape (samples,).
+    room_arcsec: limit minus self error [arcsec]; None without a limit.
     met: probability of meeting the limit, if it is known from more samples.
     """
     outcome = Outcome(
@@ -248,7 +262,7 @@ def _outcome(
     )
     if room_arcsec is None:
         return outcome
-    if len(F_ior) == 1:  # a drive that is known meets the limit or does not
+    if len(F_ior) == 1:  # a known drive either meets the limit or does not
         value = float(room_arcsec >= F_ior[0])
         return _with_probability(outcome, Probability(value, value, value))
     return _with_probability(outcome, met or probability_of(room_arcsec >= F_ior, weights))
@@ -269,11 +283,11 @@ def _scaled(
     now: Outcome,
     before: Outcome,
 ) -> Outcome:
-    """Return an outcome over one set of deviations of each sample, with percentiles by those of all sets.
+    """Return an outcome over one set of deviations of each sample, with percentiles scaled to all sets.
 
-    outcome: after a step, over one set.
-    now: without the step, over all sets.
-    before: without the step, over one set.
+    outcome: outcome after a step, over one set.
+    now: outcome without the step, over all sets.
+    before: outcome without the step, over one set.
     """
     return replace(
         outcome,
@@ -284,12 +298,12 @@ def _scaled(
 
 
 def _moved(probability: Probability, by: float) -> Probability:
-    """Return a probability with its interval, moved by a difference."""
+    """Return a probability with its interval, shifted by a difference."""
     value, low, high = np.clip(np.array([probability.value, probability.low, probability.high]) + by, 0, 1).tolist()
     return Probability(value, low, high)
 
 
-# Steps
+# --- steps
 
 
 def _edited_steps(
@@ -298,7 +312,7 @@ def _edited_steps(
     now: Outcome,
     is_measured: bool,
 ) -> Iterator[Step]:
-    """Yield the steps that are edits of the preset, and the question after the coupling if it is open."""
+    """Yield the steps that are edits of the preset, and the question about the coupling if it is open."""
     is_known = effects.samples.samples is None
     reference_data: _ReferenceData = "kept" if is_measured or is_known else "applied again"
     answers = []
@@ -325,7 +339,7 @@ def _edited_steps(
 
 
 def _kind_of(edit: Edit) -> _StepKind | None:
-    """Return the kind of the step that an edit is; None for a coupling that can only be asked for."""
+    """Return the kind of the step for an edit; None for a coupling that is only part of a question."""
     if edit.kind == "tolerance":
         return "tolerance"
     if edit.kind == "accuracy":
@@ -334,7 +348,7 @@ def _kind_of(edit: Edit) -> _StepKind | None:
 
 
 def _question(of: str, answers: tuple[Outcome, ...]) -> Step:
-    """Return a question; whatever the answer is, reference data are applied again to the drive that has it."""
+    """Return a question; for each answer, the reference data are applied again."""
     return Step(
         kind="question",
         of=of,
@@ -362,7 +376,7 @@ def _changed_outcome(
 
 
 def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
-    """Yield the step to measure some holes and keep the best of them; if the directions are known, mount names it."""
+    """Yield the step to measure some holes and use the best one; with known directions, mount names the hole."""
     drive = effects.samples.prior.drive
     tried = _apart(_usable_holes(drive))
     if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
@@ -378,12 +392,12 @@ def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
 
 
 def _turns_deg(drive: Drive, holes: Sequence[int]) -> tuple[float, ...]:
-    """Return the turns [deg] of the fixed wheel in holes."""
+    """Return the rotations of the fixed wheel to holes [deg]."""
     return tuple(360 * hole / (drive.mounting.holes or _FREE_POSITIONS) for hole in holes)
 
 
 def _place_text(drive: Drive, hole: int) -> str:
-    """Return a hole by its number; of a free seat, its turn [deg]."""
+    """Return the number of a hole as text, or for a free seat its rotation [deg]."""
     return str(hole) if drive.mounting.holes else f"{hole * FREE_STEP_DEG:g}"
 
 
@@ -394,14 +408,14 @@ def _hole_step(
     left_arcsec: Sequence[float | None],
     run: Run,
 ) -> tuple[Step | None, Certificate]:
-    """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its proof.
+    """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its certificate.
 
-    None if no hole can be named, or if the wheel stays if it is.
+    The step is None if no hole can be named, or if the wheel should stay.
 
-    effects: with the factors of F'_ior in all holes.
-    samples: all stages of the samples; None if all is known.
+    effects: effects with the factors of F'_ior in all holes.
+    samples: all stages of the samples; None if all inputs are known.
     torques: torques of the drive [N*m].
-    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
+    left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     run: the run.
     """
     usable = _comparable_holes(effects.samples)
@@ -430,10 +444,12 @@ def _exact_hole(
     torques: Sequence[float],
     left_arcsec: Sequence[float | None],
 ) -> tuple[int, Outcome | None, Certificate]:
-    """Return the place of the hole to choose if all of a drive is known, what comes of it, and the proof.
+    """Return the index of the hole to choose for a completely known drive, its outcome, and the certificate.
 
-    The outcome is None if the wheel stays if it is. Arguments as those of _hole_step; stay: place of the present
-    hole, None if the wheel may not stay there.
+    The outcome is None if the wheel should stay. The other arguments are those of `_hole_step`.
+
+    usable: holes that may be chosen.
+    stay: index of the present hole; None if the wheel may not stay there.
     """
     basis = effects.samples
     drive = basis.prior.drive
@@ -445,7 +461,7 @@ def _exact_hole(
         values, proof_of_torque = searched(error_map, drive, changes, is_drawn=False)
         F_ior_of_torque.append(values)
         proof += proof_of_torque
-    # the functions of samples take one drive as one sample
+    # a single drive as one sample, shape (torques, one drive, holes)
     F_ior = np.array(F_ior_of_torque)[:, None, :]  # shape (torques, one drive, holes)
     met = limits_met(F_ior, left_arcsec)
     losses = losses_of(governing_share(F_ior, F_ior))[0]
@@ -463,21 +479,21 @@ def _sampled_hole(
     left_arcsec: Sequence[float | None],
     run: Run,
 ) -> tuple[int, Outcome | None, Certificate]:
-    """Return the place of the hole to choose over the samples of a drive, what comes of it, and the proof.
+    """Return the index of the hole to choose over the samples of a drive, its outcome, and the certificate.
 
-    Only holes that may be the best are solved. The outcome is None if the wheel stays if it is. Arguments as those
-    of _exact_hole.
+    Only holes that may be the best are solved. The outcome is None if the wheel should stay. The arguments are those of
+    `_exact_hole`.
     """
     basis = effects.samples
     drive = basis.prior.drive
     turns_deg = _turns_deg(drive, usable)
-    # only holes that may win are solved; a free seat also needs some to compare torques by
+    # only holes that may be the best are solved; a free seat also needs some positions for the comparison of torques
     places = sorted({*_contending_holes(effects, left_arcsec, stay), *_level_places(drive)})
     solved_deg = sorted({0.0, *(turns_deg[place] for place in places)})
     turned = turned_samples(samples, evidence_of(drive), solved_deg, run)
     proof = sum((draw.turned_proof for draw in turned.made), EMPTY)
     columns = {place: turned.rotations_deg.index(turns_deg[place]) for place in places}
-    # exact where solved, by the factors of the first samples elsewhere
+    # exact in solved holes, by the factors of the first samples elsewhere
     losses = _mean_losses(effects, turned, columns)
     probabilities = _kept_in_holes(turned, columns, len(turns_deg), left_arcsec, basis.sure)
     place = chosen_hole(losses, probabilities, stay)
@@ -491,7 +507,10 @@ def _turned_outcome(
     turned: Samples,
     column: int,
 ) -> Outcome:
-    """Return the outcome of a turn of the fixed wheel; column: its place among the turns of the samples."""
+    """Return the outcome of a rotation of the fixed wheel.
+
+    column: index of the rotation among those of the samples.
+    """
     met: Probability | None = None
     if basis.room_arcsec is not None:
         room_arcsec = basis.room_arcsec
@@ -505,11 +524,11 @@ def _contending_holes(
     left_arcsec: Sequence[float | None],
     stay: int | None,
 ) -> list[int]:
-    """Return the places of the holes that may be the best by what the first samples show, and that of the present one.
+    """Return the indices of the holes that may be the best according to the first samples, and of the present one.
 
-    effects: with the factors of F'_ior in all holes.
-    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
-    stay: place of the present hole; None if the wheel may not stay there.
+    effects: effects with the factors of F'_ior in all holes.
+    left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
+    stay: index of the present hole; None if the wheel may not stay there.
     """
     basis = effects.samples
     assert basis.samples is not None
@@ -519,18 +538,18 @@ def _contending_holes(
     F_first = np.moveaxis(F_ior[first][:, :, None] * effects.hole_factors, 1, 0)  # shape (torques, first rows, holes)
     losses = losses_of(governing_share(F_first, F_first))
     best = int(losses.mean(axis=0).argmin())
-    # paired over samples, which removes what all holes share
+    # paired differences over samples, which remove common effects of all holes
     behind = losses - losses[:, [best]]
     standard_error = behind.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
-    # within so many standard errors of the best, or nearly as good
+    # within _CLEAR standard errors of the best hole, or nearly as good
     may_win = behind.mean(axis=0) <= _CLEAR * standard_error + _NEARLY
 
     bounds = _probability_bounds(effects, F_ior, left_arcsec)
     if bounds is not None:
         low, high = bounds
-        # no hole whose upper bound is below this can be the surest
+        # a hole whose upper bound is below this cannot have the largest probability
         surest = float(low.max())
-        # a hole that may be surer than any other wins whatever its loss
+        # a hole that may have the largest probability is chosen regardless of its loss
         may_win = (high >= surest - _NEARLY) & (may_win | (high > surest + _NEARLY))
     places = set(np.flatnonzero(may_win).tolist())
     if stay is not None:
@@ -543,30 +562,30 @@ def _probability_bounds(
     F_ior: Array,
     left_arcsec: Sequence[float | None],
 ) -> tuple[Array, Array] | None:
-    """Return a lower and an upper bound of the probability of each hole to meet all limits, shape (holes,) each.
+    """Return bounds of the probability that all limits are met in each hole, shape (holes,) each; None without a limit.
 
-    A sample counts for the lower one if the factors of all first samples let it meet the limits, for the upper one if
-    those of any do. None without a limit.
+    A sample counts for the lower bound if it meets the limits with the factors of all first samples, and for the upper
+    bound if it does with the factors of any of them.
 
-    effects: with the factors of F'_ior in all holes.
-    F_ior: of all samples as the wheel stands [arcsec], shape (rows, torques).
-    left_arcsec: what a limit leaves F'_ior at each torque [arcsec]; None without a limit.
+    effects: effects with the factors of F'_ior in all holes.
+    F_ior: F'_ior of all samples in the present position [arcsec], shape (rows, torques).
+    left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     """
     factors = effects.hole_factors  # shape (first rows, torques, holes)
     first, torques, holes = factors.shape
-    # every sample with the factors of every first sample: the range of what it may do
+    # every sample with the factors of every first sample, which gives the range of its possible errors
     in_holes = np.einsum("rt,fth->trfh", F_ior, factors)
     met = limits_met(in_holes.reshape(torques, -1, holes), left_arcsec)
     if met is None:
         return None
     met = met.reshape(len(F_ior), first, holes)
     weights = effects.samples.weights
-    # all donors agree: lower bound; any of them: upper bound
+    # lower bound if all donors agree, upper bound if any of them does
     return np.average(met.all(axis=1), axis=0, weights=weights), np.average(met.any(axis=1), axis=0, weights=weights)
 
 
 def _level_places(drive: Drive) -> list[int]:
-    """Return places of a free seat, evenly apart, by whose mean the torques are compared; none of a seat with holes."""
+    """Return evenly spaced indices of a free seat whose mean serves to compare torques; none for a seat with holes."""
     return [] if drive.mounting.holes else list(range(0, _FREE_POSITIONS, _FREE_POSITIONS // _LEVEL_PLACES))
 
 
@@ -575,7 +594,10 @@ def _mean_losses(
     turned: Samples,
     columns: Mapping[int, int],
 ) -> Array:
-    """Return the mean loss of each hole, shape (holes,): of those that are no column of the samples by the factors."""
+    """Return the mean loss of each hole, shape (holes,), which is infinite for unsolved holes.
+
+    columns: index among the rotations of the samples, by index of the solved hole.
+    """
     first = turned.of_ranges
     mean_factors = effects.hole_factors.mean(axis=0)  # shape (torques, holes)
     F_ior = first.F_ior_arcsec.T[:, :, None] * mean_factors[:, None, :]  # shape (torques, samples, holes)
@@ -588,7 +610,7 @@ def _mean_losses(
         weights=first.weights,
     )
     not_solved = [place for place in range(len(losses)) if place not in columns]
-    # a hole that is not solved cannot be chosen
+    # an unsolved hole cannot be chosen
     losses[not_solved] = np.inf
     return np.asarray(losses)
 
@@ -600,9 +622,9 @@ def _kept_in_holes(
     left_arcsec: Sequence[float | None],
     sure: float,
 ) -> Array | None:
-    """Return the probability of each hole to meet all limits, as `mount` states it; None without a limit.
+    """Return the probability that all limits are met in each hole, as stated by `mount`; None without a limit.
 
-    columns: place among the turns of the samples of each hole that may be chosen; all others have the probability 0.
+    columns: index among the rotations of the samples, by index of the hole; the probability of other holes is 0.
     """
     if all(room_arcsec is None for room_arcsec in left_arcsec):
         return None
@@ -619,13 +641,13 @@ def _kept_in_holes(
 
 
 def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
-    """Return changes of a preset that turn the fixed wheel; none if a direction is drawn from a range."""
+    """Return changes of a preset that turn the fixed wheel; none for directions that are drawn from a range."""
     texts = []
     for path in carried(drive):
         value = drive.value(path)
         if value is None:
             continue
-        # six digits, as they are printed for --set
+        # six digits, as printed for --set
         turned = float(f"{(float(value) + turn_deg) % 360:.6g}")
         spread = drive.uncertainty.get(path)
         texts.append(f"{path}={turned:g} ± {spread:g}" if spread else f"{path}={turned:g}")
@@ -639,19 +661,19 @@ def _corrected_step(
     now: Outcome,
     run: Run,
 ) -> tuple[Step, Certificate]:
-    """Return the step to record a drive and to correct its strongest phasors, and the proof.
+    """Return the step to record a drive and to correct its strongest phasors, and the certificate.
 
-    What a correction leaves as a share of F'_ior is taken from each of a few full cycles for each sample: from that of
-    the sample in the middle, which is known already, and from those of some others, evenly over F'_ior.
+    The residual share of F'_ior after a correction is computed for a few full cycles and applied to each sample. The
+    cycles are that of the median sample, which is already known, and those of some others, evenly over F'_ior.
 
-    effects: with the samples of the drive.
-    middle: the full cycle of the sample in the middle, if it is known.
+    effects: effects with the samples of the drive.
+    middle: full cycle of the median sample, if it is known.
     M_g: torque [N*m].
-    now: the outcome without the step.
+    now: outcome without the step.
     run: the run.
     """
     basis = effects.samples
-    # the drive of the check is one of the samples, and is solved already
+    # the drive of the check is one of the samples and is already solved
     shares = [] if middle is None else [_share_left(middle)]
     proof = EMPTY
     for corrected in _corrected_cycles(effects, M_g, len(shares), run):
@@ -661,7 +683,7 @@ def _corrected_step(
     weights = np.ones(1)
     if basis.samples:
         F_ior, weights = _all_sets(basis.samples, basis.torque)
-    # the share left is nearly independent of the size, so all sets are combined with all cycles
+    # the residual share hardly depends on F'_ior, so all sets are combined with all cycles
     corrected_arcsec = np.multiply.outer(F_ior, shares)  # shape (sets of all samples, cycles)
     met: Probability | None = None
     if basis.room_arcsec is not None and basis.samples:
@@ -684,11 +706,11 @@ def _corrected_cycles(
     available: int,
     run: Run,
 ) -> list[_Corrected]:
-    """Return what a correction leaves of the full cycles of some samples, evenly over F'_ior.
+    """Return the residuals of corrected full cycles of some samples, evenly over F'_ior.
 
-    effects: with the samples of the drive.
+    effects: effects with the samples of the drive.
     M_g: torque [N*m].
-    available: number of cycles that are known already.
+    available: number of cycles that are already known.
     run: the run.
     """
     basis = effects.samples
@@ -697,7 +719,7 @@ def _corrected_cycles(
     if not count:
         return []
     order = np.argsort(effects.stated_arcsec, kind="stable")
-    # spread over F'_ior by equal weights
+    # evenly over F'_ior by equal weights
     rows = order[even_rows(basis.weights[order], count)]
     cycles = basis.row_values(rows.tolist())
     depends = {
@@ -717,12 +739,12 @@ def _corrected_cycles(
 def _met_by_correction(is_met: NDArray[np.bool_], set_weights: Array) -> Probability:
     """Return the probability that corrected samples meet the limit.
 
-    A sample is one case, however many cycles are tried on it, and however many sets of deviations it has.
+    Each sample is one independent case, regardless of the number of its cycles and sets of deviations.
 
-    is_met: whether a set with a cycle meets the limit, shape (sets of all samples, cycles).
-    set_weights: shape (samples, sets).
+    is_met: whether each set meets the limit with each cycle, shape (sets of all samples, cycles).
+    set_weights: weights of the sets, shape (samples, sets).
     """
-    # cycles count equally
+    # cycles have equal weights
     met_of_set = is_met.mean(axis=1).reshape(set_weights.shape)
     weights = set_weights.sum(axis=1)
     met_of_sample = (set_weights * met_of_set).sum(axis=1) / np.maximum(weights, 1e-300)
@@ -734,13 +756,13 @@ def _corrected(
     M_g: float,
     values: Mapping[str, float],
 ) -> _Corrected:
-    """Return what a correction leaves of the full cycle of one sample at a torque [N*m]."""
+    """Return the residual of the corrected full cycle of one sample at a torque [N*m]."""
     error = kinematic_error(drive.with_values(values), M_g, run=UNCHECKED)
     return _Corrected(_share_left(error), error.certificate)
 
 
 def _share_left(error: KinematicError) -> float:
-    """Return the share of F'_ior of a full cycle that is left without its strongest phasors."""
+    """Return the residual share of F'_ior of a full cycle without its strongest phasors."""
     curve = error.error_arcsec
     spectrum = np.fft.rfft(curve)
     strongest = np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]
@@ -755,18 +777,18 @@ def _questions(
     steps: Sequence[Step],
     now: Outcome,
 ) -> Iterator[Step]:
-    """Yield questions about the inputs of most influence, the samples on either side of the median of each.
+    """Yield questions about the inputs with the largest influence, which divide the samples at the median of each.
 
     basis: samples of the drive.
-    steps: those that are known; what one of them asks is not asked again.
-    now: the outcome without an answer.
+    steps: existing steps, whose questions are not repeated.
+    now: outcome without an answer.
     """
     samples = basis.samples
     if samples is None:
         return
     place_of = {field_prior.path: place for place, field_prior in enumerate(samples.prior.fields)}
     is_coupling_asked = any(step.is_question and step.of == COUPLING for step in steps)
-    # the inputs that explain most variance are worth a question
+    # inputs that explain most of the variance are worth a question
     for influence in influences(samples, basis.torque):
         group = influence.group
         if group not in place_of or (group == SUPPORT_FIELD and is_coupling_asked):
@@ -782,15 +804,15 @@ def _answers_about(
     place: int,
     now: Outcome,
 ) -> tuple[Outcome, ...]:
-    """Return the outcomes of the answers that a field is below or above its median, without one that no sample has.
+    """Return the outcomes of the answers that a field is below or above its median, omitting answers without samples.
 
     basis, samples: samples of the drive.
-    place: of the field among those of the prior.
-    now: the outcome without an answer.
+    place: index of the field in the prior.
+    now: outcome without an answer.
     """
     field_prior = samples.prior.fields[place]
     values = field_prior.value(samples.shares[:, place])
-    # three digits: the answer has to be a number that people can check
+    # three digits, so that people can check the number
     median = float(f"{weighted_quantile(values, samples.weights, 0.5):.3g}")
     is_below = values < median
     F_ior = samples.F_ior_arcsec[:, basis.torque]
@@ -800,7 +822,7 @@ def _answers_about(
         (f"< {median:g}", is_below, field_prior.low, median),
         (f"> {median:g}", ~is_below, median, field_prior.high),
     ):
-        # answering yes leaves the samples on that side
+        # an answer selects the samples on its side
         weights = samples.weights * has_answer
         if not weights.any():
             continue
@@ -829,12 +851,12 @@ def _answered(
     """Return the outcome of an answer, over the samples that have it.
 
     F_ior: F'_ior of these samples [arcsec], shape (samples,).
-    weights: their weights, shape (samples,).
+    weights: weights of these samples, shape (samples,).
     basis: all samples.
-    now, before: the outcome without an answer, over all sets of deviations and over one set of each sample.
+    now, before: outcome without an answer, over all sets of deviations and over one set of each sample.
     """
     outcome = _outcome(F_ior, weights, basis.room_arcsec)
-    # F'_ior as stated has further sets, which the samples of an answer are scaled to
+    # the stated F'_ior includes further sets, to which the samples of an answer are scaled
     if not basis.has_sets:
         return outcome
     outcome = _scaled(outcome, now, before)
@@ -850,19 +872,19 @@ def _range_texts(
     high: float,
 ) -> tuple[str, ...]:
     """Return changes of a preset that state a range of a field."""
-    # as printed, so that the command gives what the page states
+    # rounded as printed, so that the command gives the result on the page
     low = float(f"{low:.4g}")
     high = float(f"{high:.4g}")
     range_text = f"source.{path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
     return f"{path}={(low + high) / 2:.4g}", range_text
 
 
-# Holes
+# --- holes
 
 
 def _usable_holes(drive: Drive) -> list[int]:
-    """Return the holes that the fixed wheel may be put in, or the places of a free seat; none if no hole is better."""
-    # a turn cannot help, so no hole is looked at
+    """Return the usable holes of the fixed wheel, or the positions of a free seat; none if no hole is better."""
+    # a turn cannot help, so no hole is considered
     if no_hole_better(drive):
         return []
     if not drive.mounting.holes:
@@ -875,7 +897,7 @@ def _usable_holes(drive: Drive) -> list[int]:
 def _comparable_holes(basis: OptionSamples) -> list[int]:
     """Return the holes that can be compared without a value in any of them; none if the directions are unknown.
 
-    None either if F'_ior was measured on the drive: then mount compares the holes by these values.
+    The result is also empty if F'_ior was measured on the drive, because mount then compares the holes by these values.
     """
     drive = basis.prior.drive
     is_measured = is_error_measured(drive) and basis.samples is not None
@@ -883,7 +905,7 @@ def _comparable_holes(basis: OptionSamples) -> list[int]:
 
 
 def _apart(holes: Sequence[int]) -> list[int]:
-    """Return up to _TRIED_HOLES of some holes, as far apart as they can be."""
+    """Return up to _TRIED_HOLES of the given holes, as far apart as possible."""
     count = min(_TRIED_HOLES, len(holes))
     # evenly over the list, which is in the order of the seat
     return [holes[round(k * len(holes) / count)] for k in range(count)]
