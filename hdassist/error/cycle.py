@@ -49,10 +49,10 @@ class KinematicError:
     kinematics: Kinematics
     M_g: float  # [N*m]
     states: States
-    rotation_arcsec: Array  # of the flexspline against the rigid wheel: wind-up and error, shape (states,)
-    zone_share: Array  # share of the torque on each mesh zone, shape (states, 2)
     # rotation of the flexspline relative to the circular spline (wind-up plus error), shape (states,)
-    tooth_force_N: Array
+    rotation_arcsec: Array
+    zone_share: Array  # share of the torque on each mesh zone, shape (states, 2)
+    tooth_force_N: Array  # largest force on a flank, shape (states,)
     certificate: Certificate
     cross_check: CrossCheck | None
 
@@ -93,7 +93,7 @@ class KinematicError:
         count: number of random states.
         seed: seed of their selection.
         """
-        # F'_ior depends on the extremes alone, so the other solver always checks them; random states check the rest of
+        # F'_ior depends only on the extremes, so the other solver always checks them; random states check the rest of
         # the curve
         states = len(self.states)
         random_rows = np.random.default_rng(seed).choice(

@@ -432,13 +432,13 @@ class ErrorTable:
         return np.concatenate(F_ior)
 
     def ranges(self, values: Mapping[str, Array], states: States) -> Array:
-        """Return the range of the error of drives over some states each [arcsec], shape (drives,).
+        """Return the range of the error of drives over given states [arcsec], shape (drives,).
 
         Args:
-            values: of their deviations by path, shape (drives,) each.
-            states: as many of each drive, one drive after the other.
+            values: values of the deviations by path, shape (drives,) each.
+            states: states of the drives, one drive after the other, with an equal number for each.
 
-        Raises UntrustedError for deviations that the table does not span.
+        Raises UntrustedError for deviations outside the table.
         """
         batch = Batch(self.drive, values)
         row = np.repeat(np.arange(len(batch)), len(states) // len(batch))
@@ -451,7 +451,7 @@ class ErrorTable:
     def _rough_slopes(self) -> Array:
         """Return the mean slopes by orders beyond the fourth [arcsec/mm], shape (scalars,).
 
-        Raises UntrustedError if the table has none.
+        Raises UntrustedError if the table has no such slopes.
         """
         columns = self.reach.axes + self.reach.other_columns
         rough_rows = [k for k, column in enumerate(columns) if column >= SMOOTH_SCALARS]

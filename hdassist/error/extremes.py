@@ -128,7 +128,7 @@ class _GridStates:
     Rough orders are those beyond the fourth. Their error is stored separately.
     """
 
-    error: Array  # [arcsec]
+    error: Array  # error without rough orders [arcsec]
     by_b: Array  # slope of the error per grid step along the circular spline [arcsec]
     by_g: Array  # slope of the error per grid step along the flexspline [arcsec]
     zone_share: Array  # share of the torque on the first mesh zone

@@ -1,4 +1,4 @@
-"""What a test reads of the error: its range over a few positions of the output, of many drives at once."""
+"""Readings of a test: the range of the error over a few positions of the output, for many drives at once."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def ranges_as_tested(
     starts: Array,
     grids: tuple[int, ...],
 ) -> tuple[Array, Certificate]:
-    """Return the range of the error that a test reads [arcsec], shape (drives,), and the proof.
+    """Return the range of the error as read in a test [arcsec], shape (drives,), and the certificate.
 
     Args:
-        error_map: of the contact system, at the torque of the test.
+        error_map: map of the contact system at the torque of the test.
         batch: the drives.
-        positions: that are read over an output revolution; 0 for the whole of F'_ior.
-        starts: where each test starts, as a share of the full mesh cycle, shape (drives,).
-        grids: that propose the extremes of the whole of F'_ior.
+        positions: number of positions read over an output revolution; 0 for the full mesh cycle.
+        starts: start of each test, as a share of the full mesh cycle, shape (drives,).
+        grids: grids that propose the extremes over the full mesh cycle.
 
-    Raises UntrustedError if an answer cannot be trusted.
+    Raises UntrustedError if a result cannot be trusted.
     """
     if not positions:
         extremes = many_extremes(error_map, batch, grids)
@@ -44,15 +44,16 @@ def ranges_as_tested(
 
 
 def position_states(error_map: ErrorMap, positions: int, starts: Array) -> States:
-    """Return the states nearest to even positions over an output revolution, those of one test after the other.
+    """Return the states nearest to evenly spaced positions over an output revolution, test by test.
 
     Args:
-        error_map: of the drive.
-        positions: their number.
-        starts: the first position of each test, as a share of the full mesh cycle, shape (starts,).
+        error_map: map of the drive.
+        positions: number of positions.
+        starts: first position of each test, as a share of the full mesh cycle, shape (starts,).
     """
     kinematics = Kinematics.of(error_map.drive)
-    output_revolutions = kinematics.cycle_cam_revolutions / abs(kinematics.u)  # of the full mesh cycle
+    # output revolutions in the full mesh cycle
+    output_revolutions = kinematics.cycle_cam_revolutions / abs(kinematics.u)
     steps = np.arange(positions) / positions / output_revolutions
     nearest = np.rint(np.add.outer(starts, steps) * kinematics.cycle_states)
     index = nearest.astype(np.int64) % kinematics.cycle_states

@@ -603,7 +603,7 @@ class States:
 
     @property
     def phi_b(self) -> Array:
-        """Angle of the rigid wheel [rad]."""
+        """Angle of the circular spline [rad]."""
         return self.alpha_b + self.phi_h
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ from hdassist.preset.fields import Drive, field_table, sections
 _LEAST_SUPPORT = 1.0  # N/mm: a 1 kg part sags by 1 cm on such a support, so anything softer holds no part in place
 # largest torque of a measured F'_ior, over the largest torque of the drive; above it the number is probably mistyped
 _FARTHEST_MEASURED = 100.0
-# Smallest end of a segment of the stiffness curve, as a share of the rated torque: below it there is only play.
+# Smallest end of a segment of the stiffness curve, as a share of the rated torque; below it there is only backlash.
 _LEAST_END = 1e-4
 # Largest thickness of a ring, as a share of its radius: beyond it the theory of thin rings does not hold.
 _MAX_THICKNESS = 0.2

@@ -504,7 +504,7 @@ class HolePosterior:
 
     @property
     def by_values(self) -> float:
-        """Probability that no drive of the preset shows the values, in which case the values alone decide."""
+        """Probability that no drive of the preset shows the values, in which case only the values decide."""
         return 1 - len(self.offset[0]) / len(self.places)
 
     @property

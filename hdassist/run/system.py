@@ -80,7 +80,7 @@ def unlock(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_UN)
 
 
-# --- a folder for this user alone
+# --- private folder of the user
 
 _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # follow no link and do not wait for a pipe
@@ -461,7 +461,7 @@ def wait_for_hangup(descriptor: int) -> bool:
 
     terminal = select.poll()
     # no event is requested, because a hang-up is always reported
-    terminal.register(descriptor, 0)  # a hang-up is reported unasked
+    terminal.register(descriptor, 0)
     return any(event & (select.POLLHUP | select.POLLERR) for _, event in terminal.poll())
 
 

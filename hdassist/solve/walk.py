@@ -213,7 +213,7 @@ class _Climb:
         """Visit the state with the highest bound near the top repeatedly, until no bound promises a gain.
 
         Args:
-            radius: radius in which the next state is searched, in steps along each wheel.
+            radius: radius of the search for the next state, in steps along each wheel.
             target: height that the bound of a state must exceed [rad].
         """
         for _ in range(self._rules.steps):
