@@ -24,7 +24,7 @@ def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
         *([f"The previous run was made at load {first['machine']['load']}.\n"] if first else []),
         "## Targets\n",
         _table(
-            ("work", "target", *(["previous run"] if first else []), "measured", ""),
+            ("quantity", "target", *(["previous run"] if first else []), "measured", "result"),
             ((*_target(row)[:2], *([_before(row, before)] if first else []), *_target(row)[2:]) for row in targets),
         ),
         _missed(targets),
@@ -34,26 +34,31 @@ def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
         "## Proposed extremes\n",
         DRAWN,
         _table(
-            ("drives", "cases", "F'_ior", "every state: states, ms", "proposed: states, ms", "largest difference",
-             "above 0.01″"),
+            ("drives", "cases", "range of F'_ior", "all states: number, time in ms",
+             "search: number of states, time in ms", "largest difference", "differences above 0.01″"),
             map(_proposals, measured["proposals"]),
         ),
         SEARCHED,
         _table(
-            ("torque", "searches", "F'_ior, median", "bias", "rms", "worst", "over 0.2″",
-             "states: fine grid, verified, climbs", "ms: slopes, fine grid"),
+            ("torque", "searches", "median of F'_ior", "mean difference", "rms difference", "largest difference",
+             "differences above 0.2″", "states per search: fine grid, coarse grid, local searches of the coarse grid",
+             "time per search, ms: coarse grid, fine grid"),
             map(_draws, measured["draws"]),
         ),
         "## Whole processes\n",
         _table(
-            ("command", "runs", "median, s", "processors, s", "largest process, MB", "all processes, MB"),
+            ("command", "runs", "elapsed time (median), s", "processor time, s", "largest process, MB",
+             "all processes, MB"),
             map(_process, measured["processes"]["runs"]),
         ),
         "## Growth with the number of teeth\n",
-        "`vzp160` with other teeth on the same pitch circle (module × teeth constant); set-up included.\n",
+        "The drives are `vzp160` with other numbers of teeth on the same pitch circle. The product of module and "
+        "number of teeth is therefore constant. The times include the set-up of the drive.\n",
         _growth(measured["growth"]),
         "## Coned flanks\n",
-        "`vzp160` with `numerics.stations` along the face of each flank, over the full cycle; set-up included.\n",
+        "The drives are `vzp160` with different numbers of stations along the face of each flank "
+        "(`numerics.stations`). All states of the mesh cycle are solved. The times include the set-up of the drive. "
+        "The factor in brackets is the time divided by the time with one station.\n",
         _coned(measured["coned"]),
         CHOSEN,
     ]  # fmt: skip
@@ -110,7 +115,7 @@ def _solvers(torques: list[dict[str, Any]]) -> str:
     for name in torques[0]["us"]["cycle"]:
         cells = [f"{t['us'][order][name]:.1f}" for t in torques for order in ("cycle", "search")]
         lines.append([name, *cells])
-    lines.append(["the certificate alone, numpy", *(x for t in torques for x in (f"{t['certificate_us']:.1f}", ""))])
+    lines.append(["numpy, certificate only", *(x for t in torques for x in (f"{t['certificate_us']:.1f}", ""))])
     for solver in torques[0]["cvxpy_us"]:
         cells = []
         for t in torques:
@@ -151,7 +156,7 @@ def _growth(drives: list[dict[str, Any]]) -> str:
         first = here[torques[0]]
         times = (f"{here[M_g]['us']:.1f}" for M_g in torques)
         lines.append((f"{z_g}/{z_g + 2}", str(first["states"]), str(first["candidates"]), *times))
-    return _table(("teeth", "states", "candidates", *(f"µs a state, {M_g:g} N·m" for M_g in torques)), lines)
+    return _table(("teeth", "states", "candidates", *(f"time per state in µs, {M_g:g} N·m" for M_g in torques)), lines)
 
 
 def _coned(drives: list[dict[str, Any]]) -> str:
@@ -162,4 +167,4 @@ def _coned(drives: list[dict[str, Any]]) -> str:
         (str(n), str(count), *(f"{us[n, M_g]:.1f} ({us[n, M_g] / us[1, M_g]:.2f} ×)" for M_g in torques))
         for n, count in candidates.items()
     ]
-    return _table(("stations", "candidates", *(f"µs a state, {M_g:g} N·m" for M_g in torques)), lines)
+    return _table(("stations", "candidates", *(f"time per state in µs, {M_g:g} N·m" for M_g in torques)), lines)

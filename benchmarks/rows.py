@@ -64,26 +64,25 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         yield from _state(torque)
     yield from _processes(**measured["processes"])
     for group in measured["proposals"]:
-        words = f"proposed extremes, largest difference from every state, {group['cases']} {group['group']}"
+        words = f"largest difference of proposed extremes from those of all states, {group['cases']} {group['group']}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
     for search in measured["draws"]:
-        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m, compared with a grid of 60 x 60"
-        yield Row("draws", f"{words}: rms", DRAWS_RMS, search["rms"], "″")
-        yield Row("draws", f"{words}: worst", DRAWS_WORST, search["worst"], "″")
-        yield Row("draws", f"{words}: states per search", DRAWS_STATES, sum(search["states"][1:]), "")
+        words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m"
+        difference = "difference of F'_ior from a search with a grid of 60 x 60"
+        yield Row("draws", f"rms {difference}, {words}", DRAWS_RMS, search["rms"], "″")
+        yield Row("draws", f"largest {difference}, {words}", DRAWS_WORST, search["worst"], "″")
+        yield Row("draws", f"states per search, {words}", DRAWS_STATES, sum(search["states"][1:]), "")
     yield from _growth(measured["growth"])
     yield from _coned(measured["coned"])
     for case in measured["tolerance"]:
         words = (
-            "time per value of F'_ior of random drives, two torques, as assembled and in the best of 12 holes: "
+            "time per value of F'_ior of random drives, at two torques, as assembled and in the best of 12 holes: "
             f"{case['case']}"
         )
         yield Row("random drives", words, VALUE_MS, case["value_ms"], "ms")
-        words = f"utilization of two processes, {case['drives']} random drives: {case['case']}"
+        words = f"utilization of two processes that compute {case['drives']} random drives: {case['case']}"
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)
-        parts = " and ".join(
-            f"{case[name]:.3g} ms {of}" for name, of in (("drive_ms", "per drive"), ("law_ms", "for its design"))
-        )
+        parts = f"{case['drive_ms']:.3g} ms per drive and {case['law_ms']:.3g} ms for the design of each drive"
         words = f"estimated time of `tolerance` for {DRIVES} drives on two cores ({parts}): {case['case']}"
         minutes = DRIVES * (case["drive_ms"] + case["law_ms"]) / 1e3 / 60 / 2 / min(case["efficiency"], 1)
         yield Row("random drives", words, MINUTES, minutes, "min")
@@ -106,12 +105,12 @@ def engine_of(torque: dict[str, Any]) -> str:
 def _state(torque: dict[str, Any]) -> Iterator[Row]:
     engine, at = engine_of(torque), f"{torque['M_g']:g} N·m"
     us, others = torque["us"]["cycle"][engine], torque["us"]["cycle"][WARM_DAQP]
-    yield Row("state", f"one state, {at}, certificate included ({engine})", STATE_US[torque["M_g"]], us, "µs")
-    words = f"speed relative to DAQP with warm start, same matrices, {at}"
+    yield Row("state", f"time per state with its certificate, {at} ({engine})", STATE_US[torque["M_g"]], us, "µs")
+    words = f"speed relative to DAQP with warm start and the same matrices, {at}"
     yield Row("daqp", words, FASTER_THAN_DAQP, others / us, "times", at_least=True)
     if torque["cvxpy_us"]:
         solver, least = min(torque["cvxpy_us"].items(), key=lambda item: item[1])
-        words = f"faster than the fastest solver through cvxpy ({solver}), {at}"
+        words = f"speed relative to the fastest solver through cvxpy ({solver}), {at}"
         yield Row("cvxpy", words, FASTER_THAN_CVXPY, least / us, "times", at_least=True)
 
 
@@ -140,7 +139,8 @@ def _growth(drives: list[dict[str, Any]]) -> Iterator[Row]:
     for M_g in sorted({drive["M_g"] for drive in drives}):
         us = {drive["z_g"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
         first, last = min(us), max(us)
-        words = f"time per state, {last}/{last + 2} teeth divided by {first}/{first + 2} teeth, {M_g:g} N·m"
+        teeth = f"{last}/{last + 2} teeth, divided by the time with {first}/{first + 2} teeth"
+        words = f"time per state with {teeth}, {M_g:g} N·m"
         yield Row("growth", words, GROWTH, us[last] / us[first], "times")
 
 
@@ -148,5 +148,5 @@ def _coned(drives: list[dict[str, Any]]) -> Iterator[Row]:
     for M_g in sorted({drive["M_g"] for drive in drives}):
         us = {drive["stations"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
         last = max(us)
-        words = f"time per state, {last} stations along coned flanks divided by whole flanks, {M_g:g} N·m"
+        words = f"time per state with {last} stations per flank, divided by the time with whole flanks, {M_g:g} N·m"
         yield Row("coned", words, CONED, us[last] / us[1], "times")

@@ -28,7 +28,7 @@ HARMONICS = {
     "tolerances.e_b": 10.0, "harmonics.a_g2": 3.0, "harmonics.a_b2": 3.0, "harmonics.a_g3": 1.5, "harmonics.a_b3": 1.5,
     "harmonics.a_g4": 1.5, "harmonics.a_b4": 1.5,
 }  # fmt: skip
-CASES: dict[str, dict[str, float]] = {"vzp160": {}, "with harmonics": HARMONICS}
+CASES: dict[str, dict[str, float]] = {"vzp160": {}, "vzp160 with harmonics": HARMONICS}
 SEED = 1
 EVERY = 5
 CHUNK = 10

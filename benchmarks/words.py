@@ -7,33 +7,34 @@ HEAD = """\
 
 This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed
 target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of about ten
-minutes and generates this page. The previous run is shown for comparison. `--from` with `--anew` measures parts of an
-earlier run again. Ratios are comparable between machines. Absolute times depend on the machine named below and on its
-other load.
+minutes and generates this page. The previous run is shown for comparison. The options `--from` and `--anew` measure
+parts of an earlier run again. Ratios are comparable between machines. Absolute times depend on the machine named below
+and on its load.
 
 All times are processor times. The time of a whole process includes the command and its workers, the start of the
-interpreter, and all imports. In the targets, this time is divided by the time of an import that every result needs or
-could use. The table of whole processes also gives the elapsed time. All other times are those of one thread. The memory
-of a command includes its workers, with shared pages counted once. It is the proportional set size (PSS), sampled every
-0.2 s, or the peak of the largest process as counted by the kernel, if this peak is larger.
+interpreter, and all imports. In the targets, this time is divided by the time of an import: cvxpy for commands that
+compute, and typer and rich for the help. The table of whole processes also gives the elapsed time. All other times are
+times of one thread. The memory of a command includes its workers, with shared pages counted once. It is the
+proportional set size (PSS), sampled every 0.2 s. If the peak of the largest process counted by the kernel is larger,
+this peak is used instead.
 
 This page uses the following terms. The [theory](theory.md#equilibrium-of-the-contacts) explains the method:
 
 - A *state* is a mesh position at one torque. Its *certificate* is the check of its residuals.
 - A *walk* solves one state after another, beginning each with the contact set of the previous state. Its *reference* is
   the contact set of the drive without deviations, with the matrices of this set.
-- A *search* finds the extremes of the error without the solution of every state. It solves a *grid* of states, and
-  begins a *local search* near each maximum and each minimum. The largest values on the grid and near it are the
-  *proposed extremes*, which are then solved and verified.
+- A *search* finds the extremes of the error without solving every state. It solves a *grid* of states, and begins a
+  *local search* near each maximum and each minimum. The maximum and the minimum found in this way are the *proposed
+  extremes*, which are then solved and verified.
 - The *cross-check* solves some states again with another solver.
 - A *table of the error* gives the error as a function of the deviations, and replaces the solution of states.
 """
 
 SOLVERS = """\
 The table gives the processor time in µs per state of `vzp160` with whole flanks (`numerics.stations: 1`). The section
-[Coned flanks](#coned-flanks) gives the factor for coned flanks. The times include the reported sums and the
-certificate. In the columns "cycle", each state is next to the previous state. In the columns "search", the states are
-those of a search for the extremes, in the same sequence and batches.
+[Coned flanks](#coned-flanks) compares the times for coned flanks with these times. The times include the computation of
+the reported sums and of the certificate. In the columns "cycle", the states follow each other in the mesh cycle. In the
+columns "search", the states are the states of a search for the extremes, in the same sequence and in the same groups.
 """
 
 # Why a target is missed, and what to try next; a row that is met says nothing. Shares are of processor time.
@@ -59,76 +60,75 @@ REASONS = {
     "`check own.yaml`: three contact systems, one of them with backlash, and the stiffness for the comparison with "
     "the catalogue. The single teeth of this drive deviate as well. The error therefore has more maxima, and more "
     "contacts change from state to state. Next attempt: the same as for `mount vzp160`.",
-    "report own.yaml": "The report contains the results of `mount` and `stiffness`, and those results of `check` that "
-    "need no samples. The samples are those of `mount`, and a single process carries out the cross-check for all "
-    "three. Next attempt: the same as for `mount vzp160`.",
-    "report own.yaml again": "`check` does not compute the samples in other holes, because this would take as long as "
-    "`mount`. The report reuses the stored results of `check`, but it computes the samples in the other holes, the "
-    "curve over the seat and the stiffness. On a busy machine this took 14 times as long as the import, and 2.1 times "
-    "after `mount`. Next attempt: one table of the error for each sample, from which F'_ior in all holes is read.",
+    "report own.yaml": "The report contains the results of `mount` and `stiffness`, and the results of `check` that "
+    "need no samples. It uses the samples of `mount`. A single process carries out the cross-check for all three "
+    "commands. Next attempt: the same as for `mount vzp160`.",
+    "report own.yaml again": "`check` does not compute the samples in other holes, because this would take as long "
+    "as `mount`. The report reuses the stored results of `check`, but it computes the samples in the other holes, "
+    "the curve over the seat and the stiffness. On a busy machine, the report after `check` took 14 times as long as "
+    "the import of cvxpy, and the report after `check` and `mount` took 2.1 times as long. Next attempt: one table "
+    "of the error for each sample, from which F'_ior in all holes is read.",
     "trials own.yaml": "A table of the error at two torques is computed for each sample. The compiled program takes "
-    "62 % of the time, and numpy takes the remaining time for small groups of states. In an earlier version the "
-    "command took 33 times as long as the import. That version solved each point of a table at two torques to obtain "
-    "the slopes, used twice as many points, and read each slope separately. Next attempt: compute tables at further "
-    "torques only for samples that keep a weight after the trials.",
+    "62 % of the time. The remaining time is computation in numpy for small groups of states. In an earlier version "
+    "the command took 33 times as long as the import of cvxpy. That version solved each point of a table at two "
+    "torques to obtain the slopes, used twice as many points, and read each slope separately. Next attempt: compute "
+    "tables at further torques only for samples that keep a weight after the trials.",
     "proposals": "The search overlooks a maximum between the points of its grid, or it ends early along an extended "
     "ridge. The values of a nominal drive are not affected, because every state of its mesh cycle is solved. The "
-    "values of sampled drives are affected. Next attempt: a fourth grid in the region in which one mesh zone carries "
-    "nearly the whole torque.",
-    "check": "The shares below were measured in one process on a busy machine:\n\n"
-    "| part of the work | share |\n"
-    "| --- | --- |\n"
-    "| 64 sampled drives | 36 % |\n"
-    "| options: twelve drives in other holes, with tighter tolerances, or with another coupling | 15 % |\n"
-    "| self error: 400 pairs of phases, each with its own contacts and programme | 13 % |\n"
-    "| cross-check of ten states by another solver | 11 % |\n"
-    "| all other imports (a quarter is scipy.special, which cvxpy imports too) | 9 % |\n"
-    "| every state at both torques | 7 % |\n"
-    "| import of cvxpy without scipy.stats | 4 % |\n\n"
-    "One sampled drive takes 30 ms. The references of the contact systems, one per torque, take a third of this time. "
-    "The search in C takes a quarter, and the contacts and rules of the drive take a seventh. numpy takes the "
-    "remainder, for small groups of states. Without any sampled drive the command would still take more than half of "
-    "its time. Next attempt: solve the programmes of the self error in C.",
+    "values of sampled drives are affected. Next attempt: a fourth grid for the positions in which one mesh zone "
+    "carries nearly the whole torque.",
+    "check": "The table gives the shares of the processor time of `check vzp160`, measured in one process on a busy "
+    "machine:\n\n| part of the work | share |\n| --- | --- |\n| 64 sampled drives | 36 % |\n| options: twelve "
+    "changed drives (in other holes, with tighter tolerances, or with another coupling) | 15 % |\n| self error: 400 "
+    "pairs of phases, each with its own contacts and programme | 13 % |\n| cross-check of ten states by another "
+    "solver | 11 % |\n| all other imports (a quarter is scipy.special, which cvxpy imports too) | 9 % |\n| solution "
+    "of every state at both torques | 7 % |\n| import of cvxpy without scipy.stats | 4 % |\n\nOne sampled drive "
+    "takes 30 ms. The references of the contact systems, one per torque, take a third of this time. The search in C "
+    "takes a quarter. The computation of the contacts and the check of the rules of the drive take a seventh. The "
+    "remainder is computation in numpy for small groups of states. Without any sampled drive the command would still "
+    "take more than half of its time. Next attempt: solve the programmes of the self error in C.",
     "check own.yaml": "The 72 sampled drives take 49 % of the time, because each takes twice as long as a sampled "
-    "drive of `vzp160`. The search at two torques is 28 %. The profile shift at which the teeth mesh needs another "
-    "contact system, and takes 9 %. The stiffness for the comparison with the catalogue is 5 %. In addition, the "
-    "options take 17 %, the self error 12 %, the cross-check with its import of cvxpy 14 %, and the solution of every "
-    "state 9 %. A third of the whole time is in C. Next attempt: find the profile shift from the gaps, without a "
-    "contact system, and solve the programmes of the self error in C.",
-    "mount": "The error of 64 sampled drives is searched in twelve holes at both torques. This took 73 % of the time "
-    "before the searches needed fewer states, two thirds of it in C. The curve of the nominal drive takes 14 %, "
-    "because it uses finer grids and, in two holes, every state. The cross-check of twelve states is 8 %, and all "
-    "imports are 7 %. The search in one hole solves 84 to 108 states, of which 61 to 74 are the grid and the first "
-    "states of the local searches.\n\n"
-    "Two changes were tried without success. One treats half a revolution as symmetric, which doubles the density of "
-    "a grid. If an eccentricity rotates with the wave generator, this overlooks up to 1.2 arcsec. The other starts "
-    "fewer local searches, which overlooks up to 0.8 arcsec. Next attempts: local searches that share states between "
-    "neighbouring holes, and grids in every second hole only, which would save an estimated seventh of the time.",
-    "trials": "A table of the error is computed for each sample of stiffnesses and clearances, instead of one table "
-    "for the preset. Next attempt: compute tables at further torques only for samples that keep a weight after the "
-    "trials.",
-    "tolerance": "For 150 drives the states solved in C take 45 % of the time. The search in numpy takes 12 %, and "
-    "the scalars of the deviations 10 %. Walks and their references take 7 %, imports 5 %, and the reading of tables "
-    "4 %. Counted by purpose instead, the tables of the error take 15 % and the self error 11 %. Next attempt: solve "
-    "fewer states, and use the table of the error instead.",
-    "sensitivity": "Flanks with five stations take half as much time again as whole flanks. The states solved in C "
-    "take 43 % of the time. The search and its local searches in numpy take 20 %, walks and their references 17 %, "
-    "and the scalars of the deviations 10 %. Counted by purpose instead, the slopes with respect to every input of "
-    "the drive take 14 %, and the tables of the error 5 %. Next attempts: walks of similar contact systems that share "
-    "one reference, and a search in C.",
-    "stiffness": "The import of cvxpy takes 58 % of the time, all other imports 25 %, and the cross-check of four "
-    "states by another solver 10 %. Next attempt: do not import the modules of pages that are not shown.",
+    "drive of `vzp160`. The search at two torques takes 28 % of the whole time, and is part of these 49 %. The "
+    "computation of the profile shift at which the teeth mesh needs another contact system, and takes 9 %. The "
+    "stiffness for the comparison with the catalogue takes 5 %. In addition to the sampled drives, the options take "
+    "17 % and the self error takes 12 %. The cross-check with its import of cvxpy takes 14 %, and the solution of "
+    "every state takes 9 %. A third of the whole time is spent in C. Next attempt: find the profile shift from the "
+    "gaps, without a contact system, and solve the programmes of the self error in C.",
+    "mount": "The error of 64 sampled drives is searched in twelve holes at both torques. In an earlier version, "
+    "whose searches needed more states, this took 73 % of the time, and two thirds of these 73 % were spent in C. "
+    "The curve of the nominal drive takes 14 %, because it uses finer grids and, in two holes, every state. The "
+    "cross-check of twelve states takes 8 %, and all imports take 7 %. The search in one hole solves 84 to 108 "
+    "states, of which 61 to 74 are the grid and the first states of the local searches.\n\nTwo changes were tried "
+    "without success. The first change treats half a revolution as symmetric, which doubles the density of a grid. "
+    "If an eccentricity rotates with the wave generator, F'_ior is then too small by up to 1.2 arcsec. The second "
+    "change starts fewer local searches, and F'_ior is then too small by up to 0.8 arcsec. Next attempts: local "
+    "searches that share states between neighbouring holes, and grids in every second hole only, which would save an "
+    "estimated seventh of the time.",
+    "trials": "The command computes a table of the error for each sample of stiffnesses and clearances, and not only "
+    "one table for the preset. Next attempt: compute tables at further torques only for samples that keep a weight "
+    "after the trials.",
+    "tolerance": "For 150 drives, the solution of states in C takes 45 % of the time. The search in numpy takes 12 "
+    "%, and the computation of the scalars of the deviations takes 10 %. Walks and their references take 7 %, "
+    "imports 5 %, and the reading of tables 4 %. In a breakdown by purpose, the tables of the error take 15 % and "
+    "the self error takes 11 %. Next attempt: solve fewer states, and use the table of the error instead.",
+    "sensitivity": "Flanks with five stations take 1.5 times as long as whole flanks. The solution of states in C "
+    "takes 43 % of the time. The search and its local searches in numpy take 20 %, walks and their references 17 %, "
+    "and the computation of the scalars of the deviations 10 %. In a breakdown by purpose, the slopes with respect "
+    "to every input of the drive take 14 %, and the tables of the error take 5 %. Next attempts: walks of similar "
+    "contact systems that share one reference, and a search in C.",
+    "stiffness": "The import of cvxpy takes 58 % of the time, all other imports take 25 %, and the cross-check of "
+    "four states by another solver takes 10 %. Next attempt: do not import the modules of pages that are not shown.",
     "first output": "The progress bar appears after the modules of the result have been loaded. numpy and "
     "scipy.linalg take most of this time. Next attempt: show heading and progress bar before numpy is imported.",
     "--help": "The import of typer takes two thirds of the time. The handling of files and streams takes most of the "
     "remainder. The modules of the commands are not imported. Next attempt: import hashes and gzip only when a file "
     "is read.",
     "memory": "Each worker process has its own copy of numpy and scipy, which takes 45 to 50 MB in `check`. The C "
-    "library keeps a third of this memory after it was freed. Returning it to the system after each sample would take "
-    "an eighth of the time. The process of the cross-check has 100 MB for cvxpy in addition, and the command itself "
-    "takes 50 MB. `report` needs the most memory. In an earlier version a worker needed 80 MB, because a formulation "
-    "and its references held each other in memory after a drive was finished. Next attempt: start the process of the "
-    "cross-check without the imports of the command's pages.",
+    "library keeps a third of the memory that Python frees. Returning this third to the system after each sample "
+    "would take an eighth of the time. The process of the cross-check needs another 100 MB for cvxpy, and the "
+    "process of the command itself needs 50 MB. `report` needs the most memory. In an earlier version a worker "
+    "needed 80 MB, because a formulation and its references refer to each other and were not freed after a drive was "
+    "finished. Next attempt: start the process of the cross-check without the imports of the command's pages.",
     "explorer": "The first number comes from one search for a typical drive. The verified number requires every state "
     "of the mesh cycle at each torque, and the start of the process that solves these states. Next attempt: solve "
     "several torques of one cycle together.",
@@ -145,65 +145,74 @@ REASONS = {
 CHOSEN = """\
 ## Choices and their comparisons
 
-- **Principal pivots shared by neighbouring states**, not a separate active-set solution of each state (DAQP, warm). The
-  table of solvers above compares the times. All solvers use the matrices of the formulation. If pivots fail in a state,
-  DAQP solves this state.
-- **A reference for each torque**, not one for both torques. A common reference was tried. Samples of `vzp160` in one
-  hole took a tenth less time, and samples of a data sheet took 2 % less. Samples in twelve holes took a fifth more
-  time, because each state at the other torque needs more pivots. The results agreed within 1e-10 arcsec.
-- **The pivots in C**, or in numpy without a compiler. The same table compares the times. In a test, both programs agree
-  within 1e-9 arcsec, and each state has its certificate.
-- **Every state of a single drive**, and a search only for very many drives. With the compiled program the solution of
-  the whole cycle takes about as long as a search for the extremes did, and no extreme is missed. The table of proposed
-  extremes above shows the errors of the search.
-- **Three grids of states with slopes** (9 x 9, 14 x 14, 19 x 19), not one grid of 60 x 60 states without slopes. The
-  three grids need about 800 states instead of 3 700. They find all isolated extremes, which the single grid did not
+Each item names the chosen method and the alternative, and gives the result of their comparison.
+
+- **Principal pivots that use the contact set of a neighbouring state**, instead of a separate active-set solution of
+  each state (DAQP, warm). The table of solvers above compares the times. All solvers use the matrices of the
+  formulation. If the pivots fail in a state, DAQP solves this state.
+- **A separate reference for each torque**, instead of a common reference for both torques. With a common reference, the
+  time decreased by a tenth for samples of `vzp160` in one hole, and by 2 % for samples of a data sheet. For samples in
+  twelve holes the time increased by a fifth, because each state at the other torque needs more pivots. The results
+  agreed within 1e-10 arcsec.
+- **Pivots in C**, or in numpy if no compiler is available. The table of solvers compares the times. In a test, the
+  results of both programs agree within 1e-9 arcsec, and each state has its certificate.
+- **Solution of every state of a single drive**, and a search only for very many drives. With the compiled program, the
+  solution of the whole cycle takes about as long as a search took in an earlier version, and no extreme is missed. The
+  table of proposed extremes above shows the errors of the search.
+- **Three grids of states with slopes** (9 x 9, 14 x 14, 19 x 19), instead of one grid of 60 x 60 states without slopes.
+  The three grids need about 800 states instead of 3 700. They find all isolated extremes, which the single grid did not
   always find. One grid of 15 x 15 missed two of eight isolated extremes, by 0.7 arcsec. One grid of 25 x 25 missed a
   different extreme. An extreme that one grid overlooks is usually found by another grid.
-- **One grid of 7 x 7 and one ring of eight states for samples**, not a grid of 9 x 9 and two rings. The table gives the
-  errors of 768 searches of `vzp160` and 192 searches of a data-sheet drive with rough teeth, in arcsec. The errors are
-  differences from a search with a grid of 60 x 60. The error with a grid of 5 x 5 is up to 1.1 arcsec.
+- **One grid of 7 x 7 and one ring of eight states for samples**, instead of a grid of 9 x 9 and two rings. The table
+  gives the errors of 768 searches of `vzp160` and 192 searches of a data-sheet drive with rough teeth, in arcsec. The
+  errors are differences from a search with a grid of 60 x 60. The columns "9 x 9" apply to the alternative. The error
+  with a grid of 5 x 5 is up to 1.1 arcsec.
 
-  | drive | rms | maximum | before: rms | before: maximum |
+  | drive | rms | maximum | 9 x 9: rms | 9 x 9: maximum |
   | --- | --- | --- | --- | --- |
   | `vzp160`, 80 N·m | 0.011 | 0.13 | 0.013 | 0.23 |
   | `vzp160`, 800 N·m | 0.013 | 0.26 | 0.003 | 0.06 |
   | data sheet, rough teeth | 0.016 | 0.14 | | |
-- **A table of the error with the slopes with respect to all deviations**, with one solution per point. Between two
-  points the table uses the mean of the straight line and of both tangents, which is exact for a parabola. With
-  9 x 5 x 7 x 7 points the standard deviation of its error is 0.9 and 1.4 % at the torques of `vzp160`. With the
-  straight line alone, 13 x 5 x 9 x 9 points and two solutions per point, it is 1.1 and 2.4 %.
-- **Four pivots at once**, not two. This saves a sixth of the time of a search with rough teeth.
-- **Each pair of phases of the self error separately**, not flanks and balls by a Schur complement over bore contacts
-  with one factorization. The self error takes 10 % of the time of `check vzp160`. All 800 states solved in C take a
-  quarter of this time, about 2.4 % of the command, and a factorization cannot save more. Sums and residuals in numpy
-  take another quarter, contact systems a fifth, and programmes an eighth.
-- **Every flank that overlaps the other spline as a candidate**, not only the flanks within a window. A window of
-  30 degrees was tried, with the gaps of all flanks beyond the window in the certificate of each state. The time was
-  reduced to 0.9 per state and to 0.7 per reference. However, 9 of 12 drives of a data sheet have contacts beyond the
-  window and are solved twice. The results agreed within 1e-9 arcsec.
-- **HIGHS for the cross-check**, and CLARABEL if HIGHS fails. HIGHS takes 20 ms per state with five stations, and
+- **A table of the error with the slopes with respect to all deviations**, with one solution per point, instead of
+  straight lines between the points. Between two points the table uses the mean of the straight line and of both
+  tangents, which is exact for a parabola. With 9 x 5 x 7 x 7 points, the standard deviation of the error of the table
+  is 0.9 and 1.4 % at the two torques of `vzp160`. With straight lines, 13 x 5 x 9 x 9 points and two solutions per
+  point, the standard deviation is 1.1 and 2.4 %.
+- **Four pivots at once**, instead of two. A search with rough teeth then takes a sixth less time.
+- **A separate solution for each pair of phases of the self error**, instead of one factorization for all pairs with a
+  Schur complement over the bore contacts. The self error takes 10 % of the time of `check vzp160`. The solution of all
+  800 states in C takes a quarter of these 10 %, which is about 2.4 % of the time of the command. A common factorization
+  could not save more than this. Sums and residuals in numpy take another quarter, contact systems a fifth, and
+  programmes an eighth.
+- **All flanks that overlap the other spline as candidates**, instead of the flanks within a window. A window of
+  30 degrees was tried, in which the certificate of each state includes the gaps of all flanks beyond the window. The
+  time per state decreased to 0.9 times, and the time per reference to 0.7 times its value without a window. However,
+  9 of 12 drives of a data sheet have contacts beyond the window and are solved twice. The results agreed within
+  1e-9 arcsec.
+- **HIGHS for the cross-check**, and CLARABEL if HIGHS fails. With five stations, HIGHS takes 20 ms per state, and
   CLARABEL takes 70 ms. Both agree with the results of the compiled program within 2e-4 arcsec over all presets.
-- **Processes, not threads**. The matrices are too small for the threads of BLAS, which are switched off.
+- **Processes instead of threads**. The matrices are too small for the threads of BLAS, so these are switched off.
 """
 
 DRAWN = """\
 The table compares the extremes found by a search from three grids with the extremes of all states of the cycle
-(`python -m benchmarks.proposals`). The numbers of states and the processor times are medians per drive.
+(`python -m benchmarks.proposals`). The numbers of states and the processor times are medians over the drives.
 
-- Hard cases: `vzp160` with e_hb of 0, 80 and 120 µm, in the holes with the smallest and the largest error, at both
-  torques.
-- Random drives: `vzp160` with random eccentricities and phases (seeded), at 80 N·m ("light") and at 800 N·m ("heavy").
-  For "any", the torque, all other deviations, `j_n` and `g_b` are random as well.
+- The hard cases are `vzp160` with an e_hb of 0, 80 and 120 µm, in the holes with the smallest and the largest error,
+  at both torques.
+- The random drives are `vzp160` with random eccentricities and phases (from a fixed seed), at 80 N·m ("light") and at
+  800 N·m ("heavy"). In the row "any", the torque, all other deviations, `j_n` and `g_b` are random as well.
 
-The percentage in brackets is the largest relative difference among the differences above 0.01″.
+The percentage in brackets is the largest difference as a share of F'_ior, among the cases with a difference above
+0.01″. The last column gives the number of these cases.
 """
 
 SEARCHED = """\
 ## Searches of samples
 
-The extremes of samples of `vzp160`, each with its wheel in twelve holes, are searched from a grid of 7 x 7 states with
-slopes, as in the commands. The results are compared with a search from a grid of 60 x 60 states
-(`python -m benchmarks.draws`). Neither search can give a value above the true F'_ior. If the difference is negative,
-the finer grid has overlooked an extreme.
+The extremes of samples of `vzp160`, each with its wheel in twelve holes, are searched from a coarse grid of 7 x 7
+states with slopes, as in the commands. F'_ior from this search is compared with F'_ior from a search with a fine grid
+of 60 x 60 states without slopes (`python -m benchmarks.draws`). Neither search can give a value above the true F'_ior.
+If the difference is negative, the search with the coarse grid has overlooked an extreme. If it is positive, the search
+with the fine grid has overlooked an extreme.
 """
