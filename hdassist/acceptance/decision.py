@@ -127,7 +127,12 @@ class Belief(ClosedRecord):
     @property
     def kept(self) -> Probability:
         """The probability of meeting the limit, with its interval."""
-        return Probability(self.probability, self.probability_low, self.probability_high, few=self.few)
+        return Probability(
+            self.probability,
+            self.probability_low,
+            self.probability_high,
+            few=self.few,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +226,13 @@ def quantities(
     """
     cycle_torques = torques_of(limits, "cycle")
     self_error_torques = torques_of(limits, "self error")
-    errors = dict(zip(cycle_torques, run.map(error_of, cycle_torques), strict=True))
+    errors = dict(
+        zip(
+            cycle_torques,
+            run.map(error_of, cycle_torques),
+            strict=True,
+        )
+    )
     self_errors: dict[float, SelfError] = {}
     if self_error_torques:
         answers = self_error(drive, self_error_torques, run=run.of_task)
@@ -257,7 +268,12 @@ def predict(
     Raises UntrustedError if a result is not reliable, or the preset's catalogue contradicts its other values.
     """
     with_teeth, teeth = wheels.in_drive(drive) if wheels else (drive, None)
-    error_of = partial(kinematic_error, with_teeth, teeth=teeth, run=run.of_task)
+    error_of = partial(
+        kinematic_error,
+        with_teeth,
+        teeth=teeth,
+        run=run.of_task,
+    )
     at_nominal = quantities(drive, limits, error_of, run=run)
     bare, prior = beside_measured_teeth(drive, wheels)
     predictions = Predictions(
@@ -287,7 +303,11 @@ def predict(
 
 
 def _samples(
-    predictions: Predictions, prior: DrivePrior, open_limits: Sequence[Limit], draws: int, run: Run
+    predictions: Predictions,
+    prior: DrivePrior,
+    open_limits: Sequence[Limit],
+    draws: int,
+    run: Run,
 ) -> Samples:
     """Return samples of a drive that settle the verdict on each limit whose value depends on uncertain inputs.
 
@@ -322,7 +342,12 @@ def _samples(
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Return values of a drive by the label of their limit, with the certificate of the solved states."""
-    predicted = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
+    predicted = quantities(
+        drive,
+        limits,
+        partial(estimated_cycle, drive),
+        run=UNCHECKED,
+    )
     return {limit.label: predicted.value(limit) for limit in limits}, predicted.certificate
 
 
@@ -372,7 +397,12 @@ class CoveredCycle(ClosedRecord):
         share = sweep.coverage.share if sweep.coverage else 0.0
         cycle = sweep.full_cycle
         if not isinstance(cycle, FullCycle):
-            return cls(share=share, at_most=None, record_next_deg=None, why_open=cycle or "")
+            return cls(
+                share=share,
+                at_most=None,
+                record_next_deg=None,
+                why_open=cycle or "",
+            )
         first, last = cycle.record_next_rev or (0.0, 0.0)
         next_deg = (360 * first / ratio, 360 * last / ratio) if cycle.record_next_rev else None
         why = ""
@@ -429,10 +459,19 @@ class AcceptedValue(ClosedRecord):
         extent: Extent = "at most" if limit.check.of_trace and predictions.is_of_travel else "whole"
         belief = predictions.belief(limit)
         if belief is not None:
-            return cls(value=belief.p50, basis="predicted", extent=extent, belief=belief)
+            return cls(
+                value=belief.p50,
+                basis="predicted",
+                extent=extent,
+                belief=belief,
+            )
         if predictions.is_open(limit):
             extent = "not known"
-        return cls(value=predictions.quantities.value(limit), basis="predicted", extent=extent)
+        return cls(
+            value=predictions.quantities.value(limit),
+            basis="predicted",
+            extent=extent,
+        )
 
     @classmethod
     def stated(cls, stated: LimitText, limit: Limit) -> AcceptedValue:
@@ -453,7 +492,12 @@ class AcceptedValue(ClosedRecord):
             raise UsageError(f"{option}: {limit.label} cannot be below zero", "give its magnitude, without a sign")
         if value == 0 and (limit.check is F_IOR or not expanded):
             raise UsageError(f"{option}: {limit.label} must be above 0", "omit the value if it was not measured")
-        return cls(value=value, expanded_uncertainty=expanded, basis="stated", extent="whole")
+        return cls(
+            value=value,
+            expanded_uncertainty=expanded,
+            basis="stated",
+            extent="whole",
+        )
 
     @classmethod
     def at_positions(cls, seen: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
@@ -479,7 +523,12 @@ class AcceptedValue(ClosedRecord):
         return cls(extent="between torques")
 
     @classmethod
-    def measured(cls, limit: Limit, sweep: SweepResult, cycle: CoveredCycle | None = None) -> AcceptedValue:
+    def measured(
+        cls,
+        limit: Limit,
+        sweep: SweepResult,
+        cycle: CoveredCycle | None = None,
+    ) -> AcceptedValue:
         """Return the value for one direction of a recording with its expanded uncertainty.
 
         The value is unknown if the direction does not determine it.
@@ -502,7 +551,11 @@ class AcceptedValue(ClosedRecord):
         )
         if cycle is None or limit.check is not F_IOR:
             return accepted
-        return replace(accepted, at_most=cycle.at_most if sweep.is_bound else None, full_cycle=cycle)
+        return replace(
+            accepted,
+            at_most=cycle.at_most if sweep.is_bound else None,
+            full_cycle=cycle,
+        )
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
@@ -540,7 +593,12 @@ class DecidedCheck(AcceptedValue, Limit):
     reason: str | None = None
 
 
-def decide(limit: Limit, accepted: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
+def decide(
+    limit: Limit,
+    accepted: AcceptedValue,
+    rule: Rule,
+    sure: float,
+) -> DecidedCheck:
     """Return the decision on a value by a rule.
 
     limit: limit with which the value is compared.
@@ -594,7 +652,13 @@ _OPEN_EXTENTS: dict[Extent | None, str] = {
 }
 
 
-def _verdict(accepted: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
+def _verdict(
+    accepted: AcceptedValue,
+    room: float | None,
+    guard: float,
+    rule: Rule,
+    sure: float,
+) -> tuple[Verdict, str]:
     """Return the verdict on a value, and the reason if the verdict needs one.
 
     accepted: the value.
@@ -618,7 +682,11 @@ def _verdict(accepted: AcceptedValue, room: float | None, guard: float, rule: Ru
     return (Verdict.INCONCLUSIVE, reason) if reason else (Verdict.PASS, "")
 
 
-def _verdict_by_probability(belief: Belief, extent: Extent | None, sure: float) -> tuple[Verdict, str]:
+def _verdict_by_probability(
+    belief: Belief,
+    extent: Extent | None,
+    sure: float,
+) -> tuple[Verdict, str]:
     """Return the verdict on a predicted value from its distribution, and the reason if the verdict needs one."""
     verdict = belief.kept.verdict(sure)
     if verdict is Verdict.FAIL and extent == "at most":
@@ -641,7 +709,13 @@ def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]
     return Verdict.FAIL, ""
 
 
-def _why_open(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
+def _why_open(
+    accepted: AcceptedValue,
+    room: float,
+    guard: float,
+    *,
+    is_strict: bool,
+) -> str:
     """Return the reason why a value that is not beyond its limit does not pass; empty if it passes.
 
     accepted: the value.
@@ -660,7 +734,13 @@ def _why_open(accepted: AcceptedValue, room: float, guard: float, *, is_strict: 
     return f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
 
 
-def _why_within_guard(accepted: AcceptedValue, room: float, guard: float, *, is_strict: bool) -> str:
+def _why_within_guard(
+    accepted: AcceptedValue,
+    room: float,
+    guard: float,
+    *,
+    is_strict: bool,
+) -> str:
     """Return the reason why a value that is not beyond its limit does not pass; empty if it passes.
 
     The upper end of the model of a recording, if there is one, replaces the guard band, because it includes components
@@ -681,7 +761,11 @@ def _why_within_guard(accepted: AcceptedValue, room: float, guard: float, *, is_
     return "within the guard band" if is_within_guard_band else ""
 
 
-def _why_bound_is_open(accepted: AcceptedValue, room: float, guard: float) -> str:
+def _why_bound_is_open(
+    accepted: AcceptedValue,
+    room: float,
+    guard: float,
+) -> str:
     """Return the reason why a lower bound that is not beyond its limit does not pass; empty if it passes.
 
     accepted: the lower bound.

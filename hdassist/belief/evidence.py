@@ -177,9 +177,20 @@ def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> t
 
     Raises UntrustedError if a result cannot be trusted.
     """
-    found = stiffness(drive, points=1, formulation=formulation, run=UNCHECKED)
+    found = stiffness(
+        drive,
+        points=1,
+        formulation=formulation,
+        run=UNCHECKED,
+    )
     figures = *(found.weaker(k) for k in (1, 2, 3)), found.lost_motion_arcsec, found.play_arcsec
-    return dict(zip(STIFFNESS_FIGURES, figures, strict=True)), found.certificate
+    return dict(
+        zip(
+            STIFFNESS_FIGURES,
+            figures,
+            strict=True,
+        )
+    ), found.certificate
 
 
 def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float]) -> float:
@@ -242,7 +253,12 @@ def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
 
 
 def errors_of_drive(
-    f: Array, y: Array, variance: Array, spreads: Array, correlation: Array, drawn: tuple[Array, Array, Array]
+    f: Array,
+    y: Array,
+    variance: Array,
+    spreads: Array,
+    correlation: Array,
+    drawn: tuple[Array, Array, Array],
 ) -> tuple[Array, Array]:
     """Return F'_ior of the drive given measured values [arcsec], shape (draws, positions), and its scale.
 
@@ -330,7 +346,11 @@ def log_likelihoods(
 
 
 def _likelihood_of_errors(
-    f: Array, y: Array, spreads: Array, variance: Array, correlation: Array
+    f: Array,
+    y: Array,
+    spreads: Array,
+    variance: Array,
+    correlation: Array,
 ) -> tuple[Array, Array]:
     """Return the squared distance of measured F'_ior from samples, in standard deviations, and the log likelihood.
 
@@ -351,7 +371,13 @@ def _likelihood_of_errors(
     return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more)) - np.log(spreads).sum()
 
 
-def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Array, read_error: float = 0.0) -> Array:
+def log_likelihood_of_errors(
+    f: Array,
+    y: Array,
+    spreads: Array,
+    correlation: Array,
+    read_error: float = 0.0,
+) -> Array:
     """Return the log likelihood of measured F'_ior over misfits and misread values, shape (samples,).
 
     It is relative to that of samples with exactly these values.
@@ -365,7 +391,14 @@ def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Ar
     return np.asarray(log[:-1] - log[-1])
 
 
-def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, correlation: Array, hint: str) -> None:
+def require_shown(
+    names: Sequence[str],
+    f: Array,
+    y: Array,
+    spreads: Array,
+    correlation: Array,
+    hint: str,
+) -> None:
     """Raise UntrustedError if no sample is near the measured F'_ior, because the weights would be meaningless.
 
     If there are more than _ANY_TWO values, any one of them may be misread.
@@ -383,6 +416,12 @@ def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, corr
 
     without = [[k for k in every if k != left] for left in every] if len(y) > _ANY_TWO else [list(every)]
     if min(map(nearest, without)) > _UNSHOWN:
-        rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
+        rows = zip(
+            names,
+            y,
+            f.min(axis=0),
+            f.max(axis=0),
+            strict=True,
+        )
         words = "; ".join(f"{name} = {value:g}, samples {low:.4g} to {high:.4g}" for name, value, low, high in rows)
         raise UntrustedError(f"no sampled drive reproduces the measured F'_ior, ″: {words}", hint)

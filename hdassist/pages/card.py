@@ -34,7 +34,12 @@ def turn(position: Position, say: Texts = ENGLISH) -> str:
     if position.hole is None:
         return say("turn.angle", angle=angle, direction=direction)
     per_hole = position.rotation_deg / position.hole if position.hole else 360.0
-    return say("turn.holes", holes=say.holes(round(abs(way) / per_hole)), angle=angle, direction=direction)
+    return say(
+        "turn.holes",
+        holes=say.holes(round(abs(way) / per_hole)),
+        angle=angle,
+        direction=direction,
+    )
 
 
 def hole_place(position: Position, say: Texts = ENGLISH) -> str:
@@ -42,12 +47,21 @@ def hole_place(position: Position, say: Texts = ENGLISH) -> str:
     return place_at(position.rotation_deg, position.hole, say)
 
 
-def place_at(rotation_deg: float, hole: int | None, say: Texts = ENGLISH) -> str:
+def place_at(
+    rotation_deg: float,
+    hole: int | None,
+    say: Texts = ENGLISH,
+) -> str:
     """Return the position at a rotation [deg] in words; hole: its number, None if the seat has no holes."""
     return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
-def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
+def instruction(
+    advice: Advice,
+    say: Texts = ENGLISH,
+    *,
+    gains: bool = True,
+) -> str:
     """Return the instruction for the fixed wheel: the destination first, then the turn to it from hole 0.
 
     All turns count from hole 0, because after trials it is unknown in which hole the wheel is.
@@ -62,12 +76,28 @@ def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     if not advice.names_hole:
         return _any_hole(advice, say)
     if not advice.turn:
-        return say("instruction.leave", wheel=fixed, place=hole_place(chosen, say))
+        return say(
+            "instruction.leave",
+            wheel=fixed,
+            place=hole_place(chosen, say),
+        )
     kind = "angle" if chosen.hole is None else "hole"
     parts = {"place": hole_place(chosen, say), "turn": turn(chosen, say), "start": start_of_count(advice.drive, say)}
-    sentences = [say(f"instruction.{kind}", wheel=fixed, **parts), say(f"instruction.zero_{kind}", wheel=fixed)]
+    sentences = [
+        say(
+            f"instruction.{kind}",
+            wheel=fixed,
+            **parts,
+        ),
+        say(f"instruction.zero_{kind}", wheel=fixed),
+    ]
     if gains:
-        medians = zip(advice.torques, _median_texts(advice, advice.current), _median_texts(advice, chosen), strict=True)
+        medians = zip(
+            advice.torques,
+            _median_texts(advice, advice.current),
+            _median_texts(advice, chosen),
+            strict=True,
+        )
         changes = ", ".join(f"{present} → {new}″ at {M_g:g} N·m" for M_g, present, new in medians)
         statistic = "Median F'_ior" if advice.decision.is_sampled else "F'_ior"
         sentences.append(f"{statistic}: {changes}.")
@@ -88,7 +118,11 @@ def _any_hole(advice: Advice, say: Texts) -> str:
         return say("instruction.any_angle", wheel=fixed)
     if mounting.allowed == "all":
         return say("instruction.any", wheel=fixed)
-    return say("instruction.any_allowed", wheel=fixed, holes=", ".join(map(str, mounting.allowed)))
+    return say(
+        "instruction.any_allowed",
+        wheel=fixed,
+        holes=", ".join(map(str, mounting.allowed)),
+    )
 
 
 def start_of_count(drive: Drive, say: Texts = ENGLISH) -> str:
@@ -114,7 +148,12 @@ def seat_holes(drive: Drive) -> tuple[Hole, ...]:
     return tuple(holes)
 
 
-def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
+def seat_of(
+    advice: Advice,
+    say: Texts,
+    goal: Position | None,
+    pointers: Sequence[SeatMark] = (),
+) -> Seat:
     """Return the seat of a drive with the present position and, unless all are equal, the worst and the best position.
 
     advice: choice of a hole.
@@ -145,7 +184,12 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
     )
 
 
-def _position_mark(kind: str, position: Position, first_deg: float, say: Texts) -> SeatMark:
+def _position_mark(
+    kind: str,
+    position: Position,
+    first_deg: float,
+    say: Texts,
+) -> SeatMark:
     """Return the mark of a position; kind: now, best or worst; first_deg: direction of hole 0."""
     return SeatMark(
         kind=kind,
@@ -155,7 +199,12 @@ def _position_mark(kind: str, position: Position, first_deg: float, say: Texts) 
     )
 
 
-def _seat_legend(holes: Sequence[Hole], marks: Sequence[SeatMark], goal: Position | None, say: Texts) -> str:
+def _seat_legend(
+    holes: Sequence[Hole],
+    marks: Sequence[SeatMark],
+    goal: Position | None,
+    say: Texts,
+) -> str:
     """Return the legend of a seat with the given marks; goal: destination of the wheel, None if no hole is named."""
     entries = [f"{mark.letter} {mark.words}" for mark in marks]
     if goal and holes:
@@ -203,7 +252,14 @@ class Card:
         return blocks if self.condition.text else tuple(block for block in blocks if block is not self.condition)
 
 
-def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial: str = "", made: date) -> Card:
+def card_of(
+    advice: Advice,
+    say: Texts,
+    warnings: Sequence[str] = (),
+    *,
+    serial: str = "",
+    made: date,
+) -> Card:
     """Return the card of a complete advice.
 
     advice: choice of a hole; turns count from hole 0, even after trials.
@@ -245,7 +301,11 @@ def _condition(advice: Advice, say: Texts) -> str:
     return say("instruction.repeat", place=place, value=value)
 
 
-def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
+def _subject(
+    advice: Advice,
+    say: Texts,
+    serial: str,
+) -> Facts:
     drive = advice.drive
     gears = drive.gears
     holes = drive.mounting.holes
@@ -304,9 +364,19 @@ def _mark_pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
         yield _pointer("after", now_deg, say("pointer.stays"), say)
 
 
-def _pointer(kind: str, angle_deg: float, words: str, say: Texts) -> SeatMark:
+def _pointer(
+    kind: str,
+    angle_deg: float,
+    words: str,
+    say: Texts,
+) -> SeatMark:
     """Return the mark of a direction on the seat; kind: now, after or cam; words: words of the legend."""
-    return SeatMark(kind=kind, angle_deg=angle_deg, letter=say(f"pointer.letter_{kind}"), words=words)
+    return SeatMark(
+        kind=kind,
+        angle_deg=angle_deg,
+        letter=say(f"pointer.letter_{kind}"),
+        words=words,
+    )
 
 
 def _torques(advice: Advice, say: Texts) -> Table:
@@ -345,7 +415,12 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     else:
         yield say(f"chance.worse{enough}", holes=holes)
     kinds = origin_counts(advice.drive)
-    yield say("chance.inputs", uncertain=len(advice.open_), given=kinds["given"], identified=kinds["identified"])
+    yield say(
+        "chance.inputs",
+        uncertain=len(advice.open_),
+        given=kinds["given"],
+        identified=kinds["identified"],
+    )
 
 
 def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
@@ -385,14 +460,35 @@ def _chance(advice: Advice, say: Texts) -> str:
     if probability.low < probability.high:  # its ends are rounded outwards, as on pages
         low = say.number(floor(round(100 * probability.low, 6)))
         high = say.number(ceil(round(100 * probability.high, 6)))
-        sure = say("chance.interval", value=sure, low=low, high=high)
+        sure = say(
+            "chance.interval",
+            value=sure,
+            low=low,
+            high=high,
+        )
     place = hole_place(advice.chosen, say)
     zero = _zero(advice, say)
     if decision.stay is None:  # the wheel has to move, so the choice is compared with the best allowed hole
-        return say("chance.good", place=place, cost=say.percent(GOOD), sure=sure)
+        return say(
+            "chance.good",
+            place=place,
+            cost=say.percent(GOOD),
+            sure=sure,
+        )
     if advice.turn:
-        return say("chance.turn", place=place, zero=zero, cost=say.percent(decision.cost), sure=sure)
-    return say("chance.leave", zero=zero, cost=say.percent(decision.cost), sure=sure)
+        return say(
+            "chance.turn",
+            place=place,
+            zero=zero,
+            cost=say.percent(decision.cost),
+            sure=sure,
+        )
+    return say(
+        "chance.leave",
+        zero=zero,
+        cost=say.percent(decision.cost),
+        sure=sure,
+    )
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:
@@ -425,14 +521,23 @@ def _warnings(found: Sequence[str], say: Texts) -> Iterator[str]:
         yield say("warnings.more", count=len(found) - _WARNINGS)
 
 
-def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
+def _foot(
+    advice: Advice,
+    say: Texts,
+    made: date,
+) -> Iterator[str]:
     drive = advice.drive
     by_torque = dict[float, list[str]]()
     for trial in advice.trials[:_CARD_TRIALS]:
         where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, drive.mounting.holes), say)
         name = "foot.trial_of_file" if trial.file else "foot.trial"
         file = shown(Path(trial.file).name)
-        value_text = say(name, where=where, value=measured_value(trial, say), file=file)
+        value_text = say(
+            name,
+            where=where,
+            value=measured_value(trial, say),
+            file=file,
+        )
         by_torque.setdefault(advice.torque_of(trial), []).append(value_text)
     if by_torque:
         (first, value_text), *further_torques = (
@@ -441,14 +546,29 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
         paragraphs = [value_text, *(": ".join(entry) for entry in further_torques)]
         if len(advice.trials) > _CARD_TRIALS:
             paragraphs.append(say("foot.trials_more", count=len(advice.trials) - _CARD_TRIALS))
-        yield say("foot.trials", torque=first, trials="; ".join(paragraphs))
+        yield say(
+            "foot.trials",
+            torque=first,
+            trials="; ".join(paragraphs),
+        )
     yield say("foot.source")
     digest = drive.origin.sha256[:_DIGITS]
-    yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
+    yield say(
+        "foot.origin",
+        version=__version__,
+        name=drive.name,
+        digest=digest,
+        date=say.date(made),
+    )
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
         file = shown(measured.pitch.file)
         digest = measured.pitch.sha256[:_DIGITS]
-        yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
+        yield say(
+            "foot.measured",
+            wheel=say(f"wheel.{WHEELS[name]}"),
+            file=file,
+            digest=digest,
+        )
     if drive.origin.overrides:
         yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
 

@@ -144,7 +144,11 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
         if ASSUMED["sense"][1] in measured.pitch.notes:
             texts_of_warnings.append(
-                say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file))
+                say(
+                    "warning.sense",
+                    wheel=say(f"wheel.{WHEELS[name]}"),
+                    file=shown(measured.pitch.file),
+                )
             )
     return (*texts_of_warnings, *_warnings_of_values(advice, say))
 
@@ -163,14 +167,28 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     elif after.effective < FEWEST_SURE:
         # the effective sample size grows in proportion to the number of samples
         draws = ceil(after.samples.draws * FEWEST_SURE / after.effective)
-        yield say("warning.effective", count=f"{after.effective:.0f}", wanted=FEWEST_SURE, number=draws)
+        yield say(
+            "warning.effective",
+            count=f"{after.effective:.0f}",
+            wanted=FEWEST_SURE,
+            number=draws,
+        )
     if M_g := advice.likelier_torque:
         stated = say.torque(advice.torques_of_values[0])
-        yield say("warning.torque", likelier=say.torque(M_g), stated=stated, M_g=f"{M_g:g}")
+        yield say(
+            "warning.torque",
+            likelier=say.torque(M_g),
+            stated=stated,
+            M_g=f"{M_g:g}",
+        )
     if trial := advice.suspected:
         probability = float(after.misread[advice.trials.index(trial)])
         name = "warning.misread" if probability > 0.5 else "warning.misread_of_several"
-        yield say(name, value=_measured(advice, trial, say), share=say.percent(probability))
+        yield say(
+            name,
+            value=_measured(advice, trial, say),
+            share=say.percent(probability),
+        )
     yield from _out_of_range_warnings(advice, after, say)
     if after.by_values > UNSHOWN_VALUES:
         yield say("warning.by_values", share=say.percent(after.by_values))
@@ -185,7 +203,11 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     yield from _repeat_warnings(advice, after, say)
 
 
-def _out_of_range_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterator[str]:
+def _out_of_range_warnings(
+    advice: Advice,
+    after: HolePosterior,
+    say: Texts,
+) -> Iterator[str]:
     """Yield a warning about each value outside its predicted range."""
     for trial in advice.trials:
         predicted = after.samples.predicted(trial)
@@ -198,7 +220,11 @@ def _out_of_range_warnings(advice: Advice, after: HolePosterior, say: Texts) -> 
             )
 
 
-def _repeat_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterator[str]:
+def _repeat_warnings(
+    advice: Advice,
+    after: HolePosterior,
+    say: Texts,
+) -> Iterator[str]:
     """Yield a warning about each pair of values in one position that differ by more than noise explains."""
     for k, later in enumerate(advice.trials):
         for earlier in advice.trials[:k]:
@@ -214,19 +240,31 @@ def _repeat_warnings(advice: Advice, after: HolePosterior, say: Texts) -> Iterat
                 )
 
 
-def _where(advice: Advice, rotation_deg: float, say: Texts = ENGLISH) -> str:
+def _where(
+    advice: Advice,
+    rotation_deg: float,
+    say: Texts = ENGLISH,
+) -> str:
     """Return a position in words, with its angle."""
     hole = hole_of(rotation_deg, advice.drive.mounting.holes)
     angle = say.angle(rotation_deg)
     return angle if hole is None else f"{place_at(rotation_deg, hole, say)} ({angle})"
 
 
-def _measured(advice: Advice, trial: Trial, say: Texts = ENGLISH) -> str:
+def _measured(
+    advice: Advice,
+    trial: Trial,
+    say: Texts = ENGLISH,
+) -> str:
     """Return a measured value with its position and, if values were measured at several torques, its torque."""
     parts = [_where(advice, trial.rotation_deg, say)]
     if len(advice.torques_of_values) > 1:
         parts.append(say.torque(advice.torque_of(trial)))
-    return say("foot.trial", where=", ".join(parts), value=measured_value(trial, say))
+    return say(
+        "foot.trial",
+        where=", ".join(parts),
+        value=measured_value(trial, say),
+    )
 
 
 def instruction_of(advice: Advice) -> str:
@@ -371,7 +409,11 @@ def _reason_before_stop(advice: Advice) -> str:
     return ""
 
 
-def _reduction(advice: Advice, F_ior: float, only: str = "") -> str:
+def _reduction(
+    advice: Advice,
+    F_ior: float,
+    only: str = "",
+) -> str:
     """Return the reduction of F'_ior by further values in words.
 
     For several torques it is the mean reduction in %, for one torque the mean F'_ior before and after it.
@@ -485,7 +527,11 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
         yield "unknown", unknown_names(advice.unknown)
 
 
-def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
+def _positions_table(
+    advice: Advice,
+    places: Sequence[int],
+    title: str = "",
+) -> Table:
     """Return a table of holes with F'_ior (median and range) and their probabilities; places: indices of the holes."""
     decision = advice.decision
     is_sampled = decision.is_sampled
@@ -531,7 +577,13 @@ def _names_of_places(advice: Advice) -> dict[int | None, str]:
     return names
 
 
-def _position_row(advice: Advice, place: int, label: str, *, stands_for_all: bool) -> tuple[str, ...]:
+def _position_row(
+    advice: Advice,
+    place: int,
+    label: str,
+    *,
+    stands_for_all: bool,
+) -> tuple[str, ...]:
     """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess.
 
     place: index of the hole.
@@ -568,7 +620,13 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
     holes = advice.drive.mounting.holes
     turns = np.array(decision.rotations_deg) / _turn_unit(advice)
     rooms = decision.room_arcsec or [None for _ in advice.torques]
-    for k, (M_g, limit) in enumerate(zip(advice.torques, rooms, strict=True)):
+    for k, (M_g, limit) in enumerate(
+        zip(
+            advice.torques,
+            rooms,
+            strict=True,
+        )
+    ):
         x = turns
         y = middle[:, k]
         if curve and not decision.is_sampled and len(curve.rotation_deg) > len(places):
@@ -577,7 +635,14 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
             y = curve.F_ior_arcsec[k, order]
         whiskers: tuple[tuple[float, float, float], ...] = ()
         if decision.is_sampled:
-            whiskers = tuple(zip(turns.tolist(), low[:, k].tolist(), high[:, k].tolist(), strict=True))
+            whiskers = tuple(
+                zip(
+                    turns.tolist(),
+                    low[:, k].tolist(),
+                    high[:, k].tolist(),
+                    strict=True,
+                )
+            )
         yield Curve(
             x=x,
             y=y,
@@ -598,7 +663,11 @@ def _turn_unit(advice: Advice) -> float:
     return 360 / holes if holes else 1.0
 
 
-def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[str]:
+def _curve_notes(
+    advice: Advice,
+    M_g: float,
+    limit: float | None,
+) -> Iterator[str]:
     """Yield notes on the curve at a torque; limit: limit minus self error [arcsec], which is drawn as a line."""
     if advice.decision.is_sampled:
         yield "median, 5 to 95 %"
@@ -608,7 +677,11 @@ def _curve_notes(advice: Advice, M_g: float, limit: float | None) -> Iterator[st
         yield f"line: {limit:.4g} (limit {advice.drive.limit(M_g):g} minus self error)"
 
 
-def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[CurveMark]:
+def _curve_marks(
+    advice: Advice,
+    torque: int,
+    middle_arcsec: Array,
+) -> Iterator[CurveMark]:
     """Yield the marks of the curve at a torque: measured values, and the present, the best and the next hole.
 
     Args:
@@ -620,7 +693,12 @@ def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[
     M_g = advice.torques[torque]
     for trial in advice.trials:
         if advice.torque_of(trial) == M_g:
-            yield CurveMark(x=trial.rotation_deg / per_step, y=trial.F_ior_arcsec, words="measured", kind="now")
+            yield CurveMark(
+                x=trial.rotation_deg / per_step,
+                y=trial.F_ior_arcsec,
+                words="measured",
+                kind="now",
+            )
     next_is_best = bool(advice.next and advice.names_hole and advice.next.rotation_deg == advice.chosen.rotation_deg)
     positions = []
     if advice.names_hole:
@@ -628,7 +706,12 @@ def _curve_marks(advice: Advice, torque: int, middle_arcsec: Array) -> Iterator[
         if not next_is_best:
             positions.append(("best", advice.chosen, "target"))
     for name, position, kind in positions:
-        yield CurveMark(x=position.rotation_deg / per_step, y=position.F_ior_arcsec[torque], words=name, kind=kind)
+        yield CurveMark(
+            x=position.rotation_deg / per_step,
+            y=position.F_ior_arcsec[torque],
+            words=name,
+            kind=kind,
+        )
     next_place = advice.decision.place(advice.next.rotation_deg) if advice.next else None
     if next_place is not None:
         next_deg = advice.decision.rotations_deg[next_place]
@@ -697,7 +780,13 @@ def _gain_values(advice: Advice) -> Json:
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
         "order": advice.order,
-        "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
+        "gain": dict(
+            zip(
+                LEVELS,
+                advice.gain_range,
+                strict=True,
+            )
+        ),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
     }
@@ -709,7 +798,16 @@ def _present_ranges(advice: Advice) -> list[Json] | None:
     if not decision.is_sampled:
         return None
     return [
-        {"M_g_Nm": M_g, **dict(zip(LEVELS, decision.range_of(F_ior), strict=True))}
+        {
+            "M_g_Nm": M_g,
+            **dict(
+                zip(
+                    LEVELS,
+                    decision.range_of(F_ior),
+                    strict=True,
+                )
+            ),
+        }
         for M_g, F_ior in zip(advice.torques, decision.now_arcsec, strict=True)
     ]
 

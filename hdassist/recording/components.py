@@ -64,7 +64,11 @@ NO_COMPONENTS = Components()
 
 
 def clear_components(
-    residual: Array, path_rev: Array, run: _Indices, cycle: Fraction, most: int = MOST_COMPONENTS
+    residual: Array,
+    path_rev: Array,
+    run: _Indices,
+    cycle: Fraction,
+    most: int = MOST_COMPONENTS,
 ) -> Components:
     """Return the components of the residuals that clearly exceed the noise.
 
@@ -93,7 +97,11 @@ def clear_components(
     return Components(pairs=tuple(pairs), lines=tuple(lines))
 
 
-def line_columns(path_rev: Array, run: _Indices, lines: tuple[float, ...]) -> Array:
+def line_columns(
+    path_rev: Array,
+    run: _Indices,
+    lines: tuple[float, ...],
+) -> Array:
     """Return cosines and sines of lines, a pair of columns for each line and run, shape (readings, 2 runs lines).
 
     path_rev: input angle along the run [rev], shape (readings,).
@@ -109,7 +117,12 @@ def line_columns(path_rev: Array, run: _Indices, lines: tuple[float, ...]) -> Ar
     return np.stack(columns, axis=1) if columns else np.zeros((len(path_rev), 0))
 
 
-def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: float) -> float | None:
+def _clearest_place(
+    residual: Array,
+    path_rev: Array,
+    run: _Indices,
+    longest: float,
+) -> float | None:
     """Return the frequency of the component that exceeds the noise most [periods per input rev], or None.
 
     longest: length of the longest run [rev].
@@ -131,7 +144,12 @@ def _clearest_place(residual: Array, path_rev: Array, run: _Indices, longest: fl
     return float(near[int(np.argmax(removed))])
 
 
-def _spectrum(residual: Array, path_rev: Array, run: _Indices, longest: float) -> tuple[Array, Array]:
+def _spectrum(
+    residual: Array,
+    path_rev: Array,
+    run: _Indices,
+    longest: float,
+) -> tuple[Array, Array]:
     """Return frequencies [periods per input rev], twice as fine as the longest run resolves, and the power (R14).
 
     The power is summed over the runs. Residuals are assigned to even angles that are finer than the usual step, so that
@@ -154,13 +172,22 @@ def _spectrum(residual: Array, path_rev: Array, run: _Indices, longest: float) -
     return places[is_told], power[is_told]
 
 
-def _wave_at(residual: Array, path_rev: Array, run: _Indices, place: float) -> Array:
+def _wave_at(
+    residual: Array,
+    path_rev: Array,
+    run: _Indices,
+    place: float,
+) -> Array:
     """Return the best-fitting wave at a frequency, with a separate phase in each run, shape (blocks,)."""
     columns = line_columns(path_rev, run, (place,))
     return np.asarray(columns @ np.linalg.lstsq(columns, residual, rcond=None)[0])
 
 
-def _pair_at(place: float, cycle: Fraction, longest: float) -> tuple[int, int] | None:
+def _pair_at(
+    place: float,
+    cycle: Fraction,
+    longest: float,
+) -> tuple[int, int] | None:
     """Return the wave (k, j) of the torus at a frequency [periods per input rev], or None if there is none."""
     order = round(place)
     sideband = round((place - order) * float(cycle))

@@ -124,7 +124,12 @@ class RangeFigure:
         share = _share_below(self.seen_arcsec, limit_arcsec, uncertainty_arcsec)
         return probability_by_share(1 - share, self.seen_effective)
 
-    def verdict(self, limit_arcsec: float, uncertainty_arcsec: float = 0.0, sure: float = SURE) -> Verdict:
+    def verdict(
+        self,
+        limit_arcsec: float,
+        uncertainty_arcsec: float = 0.0,
+        sure: float = SURE,
+    ) -> Verdict:
         """Return PASS, FAIL or INCONCLUSIVE for a limit.
 
         limit_arcsec, uncertainty_arcsec: see `probability_of_meeting`.
@@ -168,7 +173,9 @@ def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
 
 
 def range_figure(
-    posterior: AmplitudePosterior, travel_rev: tuple[float, float] | None = None, seed: int = 0
+    posterior: AmplitudePosterior,
+    travel_rev: tuple[float, float] | None = None,
+    seed: int = 0,
 ) -> RangeFigure:
     """Return F'_ior over the full cycle or a travel.
 
@@ -213,7 +220,9 @@ def range_figure(
 
 
 def _ranges_of_travel(
-    posterior: AmplitudePosterior, in_travel: NDArray[np.bool_], seen: NDArray[np.bool_]
+    posterior: AmplitudePosterior,
+    in_travel: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
 ) -> tuple[Array, Array]:
     """Return samples of the range over the positions of a travel, and over those with readings, each (draws,)."""
     draws = len(posterior.amplitudes)
@@ -228,7 +237,11 @@ def _ranges_of_travel(
     return whole_range, seen_range
 
 
-def _share_below(values: Array, limit: float, uncertainty: float) -> float:
+def _share_below(
+    values: Array,
+    limit: float,
+    uncertainty: float,
+) -> float:
     """Return the share of samples at or below a limit, each smoothed by the instrument's uncertainty [arcsec]."""
     if uncertainty:
         return float(np.mean(ndtr((limit - values) / uncertainty)))
@@ -310,7 +323,11 @@ def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
     rng = np.random.default_rng(seed)
     order = posterior.pairs[:, 0]
     profile = rest_profile(int(order[order % 2 == 1].max()), float(posterior.cycle))
-    cosines, sines = np.split(posterior.amplitudes, 2, axis=1)
+    cosines, sines = np.split(
+        posterior.amplitudes,
+        2,
+        axis=1,
+    )
     is_fine = order >= FINE_ORDER
     fine = np.sqrt(((cosines**2 + sines**2) / 2)[:, is_fine].sum(axis=1))
     draws = len(fine)

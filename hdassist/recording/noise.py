@@ -51,7 +51,11 @@ class NoiseMemory:
 WHITE = NoiseMemory()
 
 
-def memory_of(residual: Array, run: _Indices, blocks_per_rev: float) -> NoiseMemory:
+def memory_of(
+    residual: Array,
+    run: _Indices,
+    blocks_per_rev: float,
+) -> NoiseMemory:
     """Return the coefficients of the noise from the autocorrelation of residuals (R5).
 
     residual: residual of each block [arcsec], shape (blocks,).
@@ -71,14 +75,22 @@ def memory_of(residual: Array, run: _Indices, blocks_per_rev: float) -> NoiseMem
     return NoiseMemory(rho=rho, theta=float(thetas[np.argmin(np.abs(firsts - first))]))
 
 
-def _covariance(residual: Array, run: _Indices, lag: int) -> float:
+def _covariance(
+    residual: Array,
+    run: _Indices,
+    lag: int,
+) -> float:
     """Return the mean product of residuals `lag` blocks apart within a run, or 0 if all runs are shorter."""
     same = run[lag:] == run[: len(run) - lag]
     products = (residual[lag:] * residual[: len(residual) - lag])[same]
     return float(products.mean()) if len(products) else 0.0
 
 
-def whitened(values: Array, run: _Indices, memory: NoiseMemory) -> Array:
+def whitened(
+    values: Array,
+    run: _Indices,
+    memory: NoiseMemory,
+) -> Array:
     """Return whitened values, with the correlation (R4) removed run by run.
 
     values: errors or columns at each block, shape (blocks, ...).

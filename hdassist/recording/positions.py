@@ -251,7 +251,11 @@ def _sense(place: Array, length: float) -> int:
 
 
 def _joined(
-    sweeps: list[_Indices], senses: list[int], place: Array, time: Array, length: float
+    sweeps: list[_Indices],
+    senses: list[int],
+    place: Array,
+    time: Array,
+    length: float,
 ) -> list[tuple[_Indices, int]]:
     """Return sweeps and their directions, joined if they continue the previous sweep in position and time.
 
@@ -275,7 +279,12 @@ def _joined(
     return joined
 
 
-def _passes(rows: _Indices, sense: int, place: Array, length: float) -> list[_Indices]:
+def _passes(
+    rows: _Indices,
+    sense: int,
+    place: Array,
+    length: float,
+) -> list[_Indices]:
     """Return the rows of each pass over the cycle in a joined sweep."""
     if not sense:
         return [rows]

@@ -148,7 +148,11 @@ class AmplitudePosterior:
 
 
 def posterior_of_recording(
-    recording: Recording, *, drift_degree: int = 2, seed: int = 0, most_draws: int = _MOST_DRAWS
+    recording: Recording,
+    *,
+    drift_degree: int = 2,
+    seed: int = 0,
+    most_draws: int = _MOST_DRAWS,
 ) -> AmplitudePosterior:
     """Return samples of the amplitudes given a recording.
 
@@ -167,7 +171,12 @@ def posterior_of_recording(
         is_enough = components == NO_COMPONENTS and model.is_plausible(mean)
         if is_enough or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
             break
-        wider = _Model(readings, drift_degree=drift_degree, more_sidebands=more_sidebands, smaller=model)
+        wider = _Model(
+            readings,
+            drift_degree=drift_degree,
+            more_sidebands=more_sidebands,
+            smaller=model,
+        )
         other = _Sampler(wider, seed=seed)
         other_mean = other.first_mean()
         if wider.rank(other_mean) > model.rank(mean):
@@ -184,7 +193,11 @@ def posterior_of_recording(
     return _result(readings, model, model.memory(mean), sampler.run(most_draws))
 
 
-def _plausible_components(readings: OrderedReadings, model: _Model, seed: int) -> Components:
+def _plausible_components(
+    readings: OrderedReadings,
+    model: _Model,
+    seed: int,
+) -> Components:
     """Return components with which the waves of a model are no larger than the readings allow.
 
     They are found one by one in the residuals with the usual sizes, which do not permit large waves.
@@ -311,7 +324,11 @@ class _Model:
         self.mean_square = float(np.var(self.errors - levels @ offsets)) or float(np.var(self.errors)) or 1e-12
 
     def _set_design(
-        self, readings: OrderedReadings, starts: _Indices, other_columns: Array, smaller: _Model | None
+        self,
+        readings: OrderedReadings,
+        starts: _Indices,
+        other_columns: Array,
+        smaller: _Model | None,
     ) -> None:
         """Set the columns and their products, copied from a smaller model where it has them.
 
@@ -337,7 +354,12 @@ class _Model:
         self.design: Array = columns.T
         self.gram: Array = self._products(smaller, old, is_old)
 
-    def _products(self, smaller: _Model | None, old: _Indices, is_old: NDArray[np.bool_]) -> Array:
+    def _products(
+        self,
+        smaller: _Model | None,
+        old: _Indices,
+        is_old: NDArray[np.bool_],
+    ) -> Array:
         """Return the products of all columns, copied from a smaller model if it has them, shape (columns, columns)."""
         if smaller is None:
             return self.design.T @ self.design
@@ -354,7 +376,13 @@ class _Model:
 
     def clear_components(self, coefficients: Array, most: int = MOST_COMPONENTS) -> Components:
         """Return the components of the residuals that clearly exceed the noise, the strongest first."""
-        return clear_components(self.residual(coefficients), self.path_rev, self.run, self.cycle, most=most)
+        return clear_components(
+            self.residual(coefficients),
+            self.path_rev,
+            self.run,
+            self.cycle,
+            most=most,
+        )
 
     def memory(self, coefficients: Array) -> NoiseMemory:
         """Return the autocorrelation of the residuals."""
@@ -441,7 +469,11 @@ def _places_of(pairs: _Indices, others: _Indices) -> _Indices:
     return np.array([place_of.get(pair, -1) for pair in map(tuple, pairs.tolist())])
 
 
-def _slow_columns(run: _Indices, elapsed: Array, degree: int) -> Array:
+def _slow_columns(
+    run: _Indices,
+    elapsed: Array,
+    degree: int,
+) -> Array:
     """Return the columns of levels and drifts, shape (readings, runs * (1 + degree)).
 
     run: number of the run, shape (readings,).
@@ -530,7 +562,11 @@ class _Sampler:
             mean = dtrtrs(factor, half, lower=1, trans=1)[0]
             used = sigma2
             sigma2 = float(np.mean(self._model.residual(mean) ** 2))
-        return _UsualFit(coefficients=mean, factor=factor, sigma2=used)
+        return _UsualFit(
+            coefficients=mean,
+            factor=factor,
+            sigma2=used,
+        )
 
     def run(self, most_draws: int) -> _Chain:
         """Return the draws of a chain with a sufficient effective sample size, or of the largest allowed length."""
@@ -602,11 +638,20 @@ class _Sampler:
         return beta.copy()
 
 
-def _result(readings: OrderedReadings, model: _Model, memory: NoiseMemory, chain: _Chain) -> AmplitudePosterior:
+def _result(
+    readings: OrderedReadings,
+    model: _Model,
+    memory: NoiseMemory,
+    chain: _Chain,
+) -> AmplitudePosterior:
     """Return the posterior in the direction and sign of the original recording."""
     coefficients = chain.coefficients
     mean = coefficients.mean(axis=0)
-    cosines, sines = np.split(coefficients[:, : model.waves], 2, axis=1)
+    cosines, sines = np.split(
+        coefficients[:, : model.waves],
+        2,
+        axis=1,
+    )
     amplitudes = readings.flipped * np.hstack([cosines, readings.turned * sines])
     levelled = readings.error_arcsec - model.row_slow @ mean[model.waves : model.slow_end]
     lines = model.components.lines

@@ -96,7 +96,13 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
     distance = np.abs(pairs[:, 1])
     orders = np.array([ORDER_PROFILE[min(order, len(ORDER_PROFILE) - 1)] for order in range(int(k.max()) + 1)])
     waves = np.empty(len(pairs))
-    for number, (order, sideband) in enumerate(zip(k.tolist(), distance.tolist(), strict=True)):
+    for number, (order, sideband) in enumerate(
+        zip(
+            k.tolist(),
+            distance.tolist(),
+            strict=True,
+        )
+    ):
         step = sideband  # distance to the nearer wheel
         if sideband > USUAL_SIDEBANDS:
             step = min(sideband, abs(sideband - order))
@@ -175,16 +181,28 @@ class SizeTree:
         precision = 1 / (self.wave_prior * self.wave_aux)
         is_sideband = ~self.is_main
         sidebands = np.bincount(self.order_of[is_sideband], minlength=orders)
-        sideband_sum = np.bincount(self.order_of[is_sideband], precision[is_sideband], minlength=orders)
+        sideband_sum = np.bincount(
+            self.order_of[is_sideband],
+            precision[is_sideband],
+            minlength=orders,
+        )
         self.sideband = inverse_gamma((nu + sidebands) / 2, nu / self.sideband_aux + sideband_sum, rng)
         self.sideband_aux = inverse_gamma((nu + 1) / 2, nu / self.sideband + 1 / self.order, rng)
         mains = np.bincount(self.order_of[self.is_main], minlength=orders)
-        main_sum = np.bincount(self.order_of[self.is_main], precision[self.is_main], minlength=orders)
+        main_sum = np.bincount(
+            self.order_of[self.is_main],
+            precision[self.is_main],
+            minlength=orders,
+        )
         rate = nu / self.order_aux + main_sum + 1 / self.sideband_aux
         self.order = inverse_gamma((nu + mains + 1) / 2, rate, rng)
         self.order_aux = inverse_gamma((nu + 1) / 2, nu / self.order + 1 / self.order_prior, rng)
 
 
-def inverse_gamma(shape: float | Array, rate: Array, rng: np.random.Generator) -> Array:
+def inverse_gamma(
+    shape: float | Array,
+    rate: Array,
+    rng: np.random.Generator,
+) -> Array:
     """Return a draw from the inverse gamma distribution for each rate, with the shape of rate."""
     return np.asarray(rate / rng.gamma(shape, size=np.shape(rate)))

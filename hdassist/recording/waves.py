@@ -98,7 +98,11 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
     return fine
 
 
-def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indices:
+def distinct_pairs(
+    pairs: _Indices,
+    place_rev: Array,
+    cycle: Fraction,
+) -> _Indices:
     """Return the waves without high orders that have the same readings as a lower one, shape (waves, 2).
 
     At evenly spaced readings, a wave with m periods per cycle has the same readings as one with m' periods if all
@@ -121,7 +125,11 @@ def distinct_pairs(pairs: _Indices, place_rev: Array, cycle: Fraction) -> _Indic
     return pairs[is_kept]
 
 
-def wave_values(input_rev: Array, output_rev: Array, pairs: _Indices) -> NDArray[np.complex128]:
+def wave_values(
+    input_rev: Array,
+    output_rev: Array,
+    pairs: _Indices,
+) -> NDArray[np.complex128]:
     """Return exp 2 pi i (k phi + j psi) of all waves, shape (waves, readings).
 
     input_rev, output_rev: angles [rev], shape (readings,).
@@ -173,7 +181,12 @@ def block_means(values: Array, starts: _Indices) -> Array:
     return np.asarray(sums / sizes.reshape(-1, *[1] * (values.ndim - 1)))
 
 
-def fill_block_columns(readings: OrderedReadings, starts: _Indices, pairs: _Indices, columns: Sequence[Array]) -> None:
+def fill_block_columns(
+    readings: OrderedReadings,
+    starts: _Indices,
+    pairs: _Indices,
+    columns: Sequence[Array],
+) -> None:
     """Write the columns of waves averaged over blocks (R3).
 
     readings: readings in canonical order.
@@ -187,7 +200,16 @@ def fill_block_columns(readings: OrderedReadings, starts: _Indices, pairs: _Indi
     sizes = ends - starts
     first = 0
     while first < len(starts):
-        last = max(first + 1, int(np.searchsorted(ends, starts[first] + _CHUNK, side="right")))
+        last = max(
+            first + 1,
+            int(
+                np.searchsorted(
+                    ends,
+                    starts[first] + _CHUNK,
+                    side="right",
+                )
+            ),
+        )
         rows = slice(starts[first], ends[last - 1])
         values = wave_values(readings.input_rev[rows], readings.output_rev[rows], pairs)
         means = _sums(values, starts[first:last] - starts[first]) / sizes[first:last]
@@ -208,7 +230,11 @@ def _sums(values: NDArray[np.complex128], starts: _Indices) -> NDArray[np.comple
     return sums
 
 
-def cycle_curves(amplitudes: Array, pairs: _Indices, cycle: Fraction) -> Array:
+def cycle_curves(
+    amplitudes: Array,
+    pairs: _Indices,
+    cycle: Fraction,
+) -> Array:
     """Return the curves (R2) over the whole cycle, shape (curves, CURVE_POINTS_PER_REV * p).
 
     amplitudes: cosines, then sines, of each curve, shape (curves, 2 waves).
@@ -248,7 +274,13 @@ class CurveExtremes:
         """Return the extremes of the selected curves."""
         return CurveExtremes(**{name: values[curves] for name, values in vars(self).items()})
 
-    def mirrored(self, turned: int, flipped: int, *, points: int) -> CurveExtremes:
+    def mirrored(
+        self,
+        turned: int,
+        flipped: int,
+        *,
+        points: int,
+    ) -> CurveExtremes:
         """Return the extremes of the curves after mirroring angles and values.
 
         turned: factor on the angles, 1 or -1.
@@ -294,7 +326,11 @@ def _value_at_peak(curves: Array, highest: _Indices) -> Array:
     return parabola_peak(before, curves[rows, highest], behind)
 
 
-def parabola_peak(before: Array, here: Array, behind: Array) -> Array:
+def parabola_peak(
+    before: Array,
+    here: Array,
+    behind: Array,
+) -> Array:
     """Return the maximum of parabolas through three evenly spaced points, of which the middle one is the highest."""
     bend = np.minimum(before - 2 * here + behind, -1e-300)
     return np.asarray(here - (before - behind) ** 2 / (8 * bend))
