@@ -102,29 +102,35 @@ def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
     of_type: whether the reference data are for all drives of the type; this drive then shows the stiffness of the type,
         but not its clearances and deviations.
     """
-    whole = {"K_1": _WHOLE_FLANKS} if drive.numerics.stations == 1 else {}
+    # the line contact of whole flanks predicts K_1 less closely than stations along the tooth do
+    misfits_of_type = {"K_1": _WHOLE_FLANKS} if drive.numerics.stations == 1 else {}
 
     def uncertainty(path: str) -> float:
         return drive.uncertainty.get(path, 0.0) / 2
 
-    found = []
+    evidence = []
     for section, name in product(("catalogue", "measured"), (*STIFFNESS_FIGURES, ACCURACY)):
-        path, of_catalogue = f"{section}.{name}", section == "catalogue"
+        path = f"{section}.{name}"
+        is_of_catalogue = section == "catalogue"
         value = getattr(getattr(drive, section), name, None)
         if value is None:
             continue
         if name in SEGMENT_STIFFNESSES:
-            usual = _MEAN_OF_TYPE if of_catalogue or of_type else _MISFIT
-            spread = np.hypot(whole.get(name, usual), uncertainty(path) / value)
-            found.append(Evidence(path, name, value, float(spread)))
+            usual_misfit = _MEAN_OF_TYPE if is_of_catalogue or of_type else _MISFIT
+            misfit = misfits_of_type.get(name, usual_misfit)
+            spread = float(np.hypot(misfit, uncertainty(path) / value))
+            evidence.append(Evidence(path, name, value, spread))
         elif name == ACCURACY:
-            found.append(accuracy_evidence(value, drive.catalogue.accuracy_test))
-        elif of_catalogue:
-            found.append(Evidence(path, name, value, _SOFT_EDGE, "limit"))
+            evidence.append(accuracy_evidence(value, drive.catalogue.accuracy_test))
+        elif is_of_catalogue:
+            evidence.append(Evidence(path, name, value, _SOFT_EDGE, "limit"))
         elif not of_type:
-            spread = np.hypot(max(_MISFIT * value, _NO_PLAY), uncertainty(path))
-            found.append(Evidence(path, name, value, float(spread), "difference"))
-    return (*found, *(() if of_type else measured_errors(drive)))
+            misfit_arcsec = max(_MISFIT * value, _NO_PLAY)
+            spread = float(np.hypot(misfit_arcsec, uncertainty(path)))
+            evidence.append(Evidence(path, name, value, spread, "difference"))
+    if not of_type:
+        evidence.extend(measured_errors(drive))
+    return tuple(evidence)
 
 
 def accuracy_evidence(value_arcsec: float, test: str) -> Evidence:
@@ -160,14 +166,24 @@ def tested_positions(test: str) -> int:
 
 def measured_errors(drive: Drive) -> tuple[Evidence, ...]:
     """Return the measured values of F'_ior of a drive, with the fixed wheel turned from its present position."""
-    found = []
+    evidence = []
     for key, reading in drive.measured.F_ior.items():
-        where, M_g = key.split("@")
-        rotation = turn_of(where, drive.mounting.holes) % 360
-        figure = f"F_ior@{float(M_g):g}" + (f"+{rotation:g}" if rotation else "")
-        path, spread = f"measured.F_ior.{key}", reading.uncertainty / 2
-        found.append(Evidence(path, figure, reading.value, spread, "difference", float(M_g), rotation))
-    return tuple(found)
+        place, torque_text = key.split("@")
+        M_g = float(torque_text)
+        rotation_deg = turn_of(place, drive.mounting.holes) % 360
+        turned = f"+{rotation_deg:g}" if rotation_deg else ""
+        evidence.append(
+            Evidence(
+                path=f"measured.F_ior.{key}",
+                figure=f"F_ior@{M_g:g}{turned}",
+                value=reading.value,
+                spread=reading.uncertainty / 2,
+                kind="difference",
+                M_g=M_g,
+                rotation_deg=rotation_deg,
+            )
+        )
+    return tuple(evidence)
 
 
 def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> tuple[dict[str, float], Certificate]:
@@ -177,20 +193,15 @@ def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> t
 
     Raises UntrustedError if a result cannot be trusted.
     """
-    found = stiffness(
+    result = stiffness(
         drive,
         points=1,
         formulation=formulation,
         run=UNCHECKED,
     )
-    figures = *(found.weaker(k) for k in (1, 2, 3)), found.lost_motion_arcsec, found.play_arcsec
-    return dict(
-        zip(
-            STIFFNESS_FIGURES,
-            figures,
-            strict=True,
-        )
-    ), found.certificate
+    segments = (result.weaker(segment) for segment in (1, 2, 3))
+    values = (*segments, result.lost_motion_arcsec, result.play_arcsec)
+    return dict(zip(STIFFNESS_FIGURES, values, strict=True)), result.certificate
 
 
 def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float]) -> float:
@@ -198,21 +209,26 @@ def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float
 
     predictions: predictions by figure.
     """
-    heard = [each for each in evidence if each.figure in predictions]
-    alone = float(sum(each.log_likelihood(predictions[each.figure]) for each in heard if not each.M_g))
-    errors = [each for each in heard if each.M_g]
+    predicted = [item for item in evidence if item.figure in predictions]
+    errors = [item for item in predicted if item.M_g]
+    other_items = [item for item in predicted if not item.M_g]
+    log_of_others = float(sum(item.log_likelihood(predictions[item.figure]) for item in other_items))
     if not errors:
-        return alone
-    f = np.array([[predictions[each.figure] for each in errors]])
-    return alone + float(log_likelihood_of_errors(f, *values_of_errors(errors))[0])
+        return log_of_others
+    # measured F'_ior share the misfit and the scale of one drive, so they count together
+    f = np.array([[predictions[item.figure] for item in errors]])
+    return log_of_others + float(log_likelihood_of_errors(f, *values_of_errors(errors))[0])
 
 
 def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
     """Return measured F'_ior and its spreads [arcsec], shape (errors,), and the correlation of their misfit."""
-    y, spreads = np.array([(each.value, each.spread) for each in errors]).T
-    torques, turns = np.array([each.M_g for each in errors]), [each.rotation_deg for each in errors]
+    y = np.array([item.value for item in errors])
+    spreads = np.array([item.spread for item in errors])
+    torques = np.array([item.M_g for item in errors])
+    rotations_deg = [item.rotation_deg for item in errors]
     # misfits at different torques are independent
-    return y, spreads, kernel(turns, turns) * np.equal.outer(torques, torques)
+    is_same_torque = np.equal.outer(torques, torques)
+    return y, spreads, kernel(rotations_deg, rotations_deg) * is_same_torque
 
 
 SCALE = 0.10  # assumed standard deviation of the drive's F'_ior over that of the model
@@ -232,8 +248,9 @@ _ANY_TWO = 3
 
 def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
     """Return the correlation of the misfit between positions [deg], shape (a, b)."""
-    apart = np.radians(np.subtract.outer(a_deg, b_deg))
-    return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
+    distance_rad = np.radians(np.subtract.outer(a_deg, b_deg))
+    chord = 2 * np.sin(distance_rad / 2)  # periodic over the seat
+    return np.asarray(np.exp(-0.5 * np.square(chord / LENGTH)))
 
 
 def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
@@ -245,7 +262,8 @@ def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
     rotations_deg: positions [deg].
     normals: normal numbers, shape (draws, SMOOTH_NUMBERS).
     """
-    order, angles = np.arange(_SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
+    order = np.arange(_SMOOTH_ORDERS + 1)[:, None]
+    angles = np.radians(rotations_deg)
     size = np.sqrt(ive(order, LENGTH**-2) * np.where(order, 2, 1))
     series = np.vstack([size * np.cos(order * angles), (size * np.sin(order * angles))[1:]])
     # one position after the other, for the same last digits
@@ -276,12 +294,16 @@ def errors_of_drive(
     count = f.shape[1] - len(y)
     scale = 1 + SCALE * of_scale
     F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * misfit
-    there, seen = f[:, count:], F_ior[:, count:] + spreads * noise
-    both = variance[:, None, None] * correlation[:, count:] + SCALE**2 * f[:, :, None] * there[:, None, :]
-    moved = np.linalg.solve(both[:, count:] + np.square(spreads)[:, :, None] * np.eye(len(y)), (y - seen)[..., None])
+    f_measured = f[:, count:]  # in the measured positions
+    drawn_values = F_ior[:, count:] + spreads * noise
+    # covariance of F'_ior in all positions with F'_ior in the measured ones, shape (draws, positions + values, values)
+    covariance = variance[:, None, None] * correlation[:, count:] + SCALE**2 * f[:, :, None] * f_measured[:, None, :]
+    covariance_of_values = covariance[:, count:] + np.square(spreads)[:, :, None] * np.eye(len(y))
+    weights = np.linalg.solve(covariance_of_values, (y - drawn_values)[..., None])[..., 0]
+    conditioned = F_ior + (covariance * weights[:, None, :]).sum(axis=2)
     # a normal distribution is unbounded, but F'_ior is not
-    F_ior = np.maximum(F_ior + (both * moved[:, None, :, 0]).sum(axis=2), LEAST_SHOWN * f)[:, :count]
-    return F_ior, scale + SCALE**2 * (there * moved[..., 0]).sum(axis=1)
+    bounded = np.maximum(conditioned, LEAST_SHOWN * f)[:, :count]
+    return bounded, scale + SCALE**2 * (f_measured * weights).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -314,11 +336,17 @@ def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKin
     values: number of values.
     log_noises: log probability of each ratio of noise to stated noise, up to a constant.
     """
-    right = (1 - MISREAD) ** values
-    whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / right)
-    plain = [ErrorKind(s, noise, -1, log - whole) for s in MISFITS for noise, log in log_noises.items()]
-    each = (1 - right) / max(values, 1) / len(MISFITS)
-    return plain + [ErrorKind(s, 1.0, k, np.log(each)) for k in range(values) for s in MISFITS]
+    none_misread = (1 - MISREAD) ** values
+    log_total = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / none_misread)
+    kinds = []
+    for misfit in MISFITS:
+        for noise, log_noise in log_noises.items():
+            kinds.append(ErrorKind(misfit=misfit, noise=noise, log_share=log_noise - log_total))
+    share_of_one = (1 - none_misread) / max(values, 1) / len(MISFITS)
+    log_share = np.log(share_of_one)
+    for misread in range(values):
+        kinds.extend(ErrorKind(misfit=misfit, misread=misread, log_share=log_share) for misfit in MISFITS)
+    return kinds
 
 
 def log_likelihoods(
@@ -339,9 +367,10 @@ def log_likelihoods(
     The other arguments are those of `_likelihood_of_errors`.
     """
     rows = []
-    for each in kinds:
-        variance = (each.misfit**2 + read_error**2) * mean**2
-        rows.append(each.log_share + _likelihood_of_errors(f, y, each.spreads(stated, y), variance, correlation)[1])
+    for kind in kinds:
+        variance = (kind.misfit**2 + read_error**2) * mean**2
+        _, log_likelihood_of_kind = _likelihood_of_errors(f, y, kind.spreads(stated, y), variance, correlation)
+        rows.append(kind.log_share + log_likelihood_of_kind)
     return np.array(rows)
 
 
@@ -363,12 +392,16 @@ def _likelihood_of_errors(
     variance: variance of the misfit [arcsec^2], shape (samples,).
     correlation: correlation of the misfit, shape (values, values).
     """
-    own, basis = np.linalg.eigh(correlation / np.multiply.outer(spreads, spreads))
-    f, off = f / spreads @ basis, (y - f) / spreads @ basis
-    each = 1 + variance[:, None] * np.maximum(own, 0)
-    more = 1 + SCALE**2 * (f**2 / each).sum(axis=1)
-    squares = (off**2 / each).sum(axis=1) - (SCALE * (f * off / each).sum(axis=1)) ** 2 / more
-    return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more)) - np.log(spreads).sum()
+    eigenvalues, basis = np.linalg.eigh(correlation / np.multiply.outer(spreads, spreads))
+    f_whitened = f / spreads @ basis
+    difference = (y - f) / spreads @ basis
+    variances = 1 + variance[:, None] * np.maximum(eigenvalues, 0)
+    # the term of the scale by the Sherman-Morrison formula and the matrix determinant lemma
+    scale_factor = 1 + SCALE**2 * (f_whitened**2 / variances).sum(axis=1)
+    along_scale = SCALE * (f_whitened * difference / variances).sum(axis=1)
+    squares = (difference**2 / variances).sum(axis=1) - along_scale**2 / scale_factor
+    log_likelihood = -0.5 * (squares + np.log(variances).sum(axis=1) + np.log(scale_factor))
+    return squares, log_likelihood - np.log(spreads).sum()
 
 
 def log_likelihood_of_errors(
@@ -386,8 +419,11 @@ def log_likelihood_of_errors(
 
     The other arguments are those of `_likelihood_of_errors`.
     """
-    both, kinds = np.vstack([f, y]), error_kinds(len(y), {1.0: 0.0})
-    log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1), read_error), axis=0)
+    f_and_exact = np.vstack([f, y])  # the last row is a sample with exactly the measured values
+    kinds = error_kinds(len(y), {1.0: 0.0})
+    means = f_and_exact.mean(axis=1)
+    by_kind = log_likelihoods(kinds, f_and_exact, y, spreads, correlation, means, read_error)
+    log = logsumexp(by_kind, axis=0)
     return np.asarray(log[:-1] - log[-1])
 
 
@@ -408,20 +444,20 @@ def require_shown(
 
     The other arguments are those of `_likelihood_of_errors`.
     """
-    variance, every = np.square(MISFITS[-1] * f.mean(axis=1)), range(len(y))
+    variance = np.square(MISFITS[-1] * f.mean(axis=1))
+    values = list(range(len(y)))
 
-    def nearest(some: list[int]) -> float:
-        own = correlation[np.ix_(some, some)]
-        return float(_likelihood_of_errors(f[:, some], y[some], spreads[some], variance, own)[0].min())
+    def nearest(indices: list[int]) -> float:
+        among_these = correlation[np.ix_(indices, indices)]
+        squares, _ = _likelihood_of_errors(f[:, indices], y[indices], spreads[indices], variance, among_these)
+        return float(squares.min())
 
-    without = [[k for k in every if k != left] for left in every] if len(y) > _ANY_TWO else [list(every)]
-    if min(map(nearest, without)) > _UNSHOWN:
-        rows = zip(
-            names,
-            y,
-            f.min(axis=0),
-            f.max(axis=0),
-            strict=True,
-        )
-        words = "; ".join(f"{name} = {value:g}, samples {low:.4g} to {high:.4g}" for name, value, low, high in rows)
+    considered = [values]
+    if len(y) > _ANY_TWO:
+        considered = [[value for value in values if value != misread] for misread in values]
+    if min(map(nearest, considered)) > _UNSHOWN:
+        ranges = []
+        for name, value, column in zip(names, y, f.T, strict=True):
+            ranges.append(f"{name} = {value:g}, samples {column.min():.4g} to {column.max():.4g}")
+        words = "; ".join(ranges)
         raise UntrustedError(f"no sampled drive reproduces the measured F'_ior, ″: {words}", hint)
