@@ -184,11 +184,7 @@ def _warnings_of_values(advice: Advice, say: Texts) -> Iterator[str]:
     if trial := advice.suspected:
         probability = float(after.misread[advice.trials.index(trial)])
         name = "warning.misread" if probability > 0.5 else "warning.misread_of_several"
-        yield say(
-            name,
-            value=_measured(advice, trial, say),
-            share=say.percent(probability),
-        )
+        yield say(name, value=_measured(advice, trial, say), share=say.percent(probability))
     yield from _out_of_range_warnings(advice, after, say)
     if after.by_values > UNSHOWN_VALUES:
         yield say("warning.by_values", share=say.percent(after.by_values))
