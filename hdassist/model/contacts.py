@@ -295,7 +295,7 @@ class ContactSystems:
         )
 
     def _structure_compliance(self, teeth: _ToothPhase, balls: _BallPhase) -> Array:
-        """Return the compliance between all places [mm/N], shape (m, m): flank pairs, bore nodes, balls."""
+        """Return the compliance between all places [mm/N], shape (m, m), in the order flanks, bore nodes, balls."""
         of_flexspline = len(teeth.compliance)  # number of flanks and bore nodes
         places = of_flexspline + len(balls.theta)
         first_node = of_flexspline - len(self._bore)

@@ -239,7 +239,7 @@ def _dask_client(
 ) -> Any:
     """Return a dask client that is closed with the stack.
 
-    Arguments:
+    Args:
         stack: stack that closes everything started here.
         address: address of a running scheduler, with TLS as in the configuration of dask; empty for workers on this
             machine.

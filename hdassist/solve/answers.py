@@ -31,8 +31,9 @@ Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]
 class Residuals:
     """Residuals of system (1) in states, as shares of their scales.
 
-    The columns and their scales are: negative force, largest force; negative gap, largest gap without force;
-    complementarity, product of both scales; equilibrium, sum of the absolute forces or moments.
+    shares: residuals, shape (states, 4). The columns, with their scales in parentheses, are negative force (largest
+        force), negative gap (largest gap without force), complementarity (product of both scales) and equilibrium (sum
+        of the absolute forces or moments).
     """
 
     shares: Array  # shape (states, 4)
