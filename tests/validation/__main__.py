@@ -47,15 +47,16 @@ states how strong each comparison is as a test of the model:
 |model|The expected value also comes from a computation. It has not been measured.|
 
 In the tables, *expected* is the accepted range with its unit, and *result* is the value from hdassist in the same unit.
-If the result is followed by a range in brackets, this range contains the 5th to 95th percentile over parameter sets
-that were not fitted to any data. The column *note* refers to the numbered reasons below each table, which explain the
-width of the accepted range or the cause of a miss. If the column *source* is empty, the source of the row above
+If the result is followed by a range in brackets, this range extends from the 5th to the 95th percentile of parameter
+sets that were not fitted to any data. The column *note* refers to the numbered reasons below each table, which explain
+the width of the accepted range or the cause of a miss. If the column *source* is empty, the source of the row above
 applies.
 
-The predicted gain from moving the fixed wheel has not been measured, and we know of no published measurement of F'_ior
-in each hole of a drive ([the experiment](experiment.md)). In the model, the gain depends mainly on the support of the
-wave generator. For a given support, the predicted gain is similar for different parameter sets. Absolute values of
-F'_ior change with clearances of a single micrometre, so the prediction of an absolute value requires at least one
+The gain from moving the fixed wheel is the reduction of F'_ior in another hole. The predicted gain has not been
+measured, and we know of no published measurement of F'_ior in each hole of a drive
+([the experiment](experiment.md)). In the model, the gain depends mainly on the support of the wave generator. For a
+given support, the predicted gain is similar for different parameter sets. A change of a clearance by a single
+micrometre changes the absolute value of F'_ior, so the prediction of an absolute value requires at least one
 measurement of the drive.
 
 The equations themselves are verified by reference values from two implementations

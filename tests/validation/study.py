@@ -15,17 +15,17 @@ ABOUT = (
     "The first table gives F'_ior of `vzp160` in arcsec, with one input or assumption changed in each row. The "
     "columns are two torques and two mounting phases of the circular spline. The last two rows apply to parameter "
     "sets sampled within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data.\n\nF'_ior "
-    "depends strongly on single micrometres of clearance, and on second-order conventions of the geometry such as the "
-    "nominal curve. The clearance can be fitted again after a change of convention, and this compensates most of the "
-    "change. The prediction of an absolute value therefore requires at least one measurement. The comparison of two "
-    "holes is more reliable: F'_ior at 180° is smaller than at 0° in all rows with one change.\n\nMost of the spread "
-    "over the parameter sets comes from the support stiffness C_3 (1e3 to 1e5 N/mm). With the value of C_3 from the "
-    "preset, the standard deviations of ln F'_ior at 80 N·m are only 0.21 (0°) and 0.49 (180°).\n\nThe second table "
-    "gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two models of the balls. Rolling balls "
-    "do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in hole 9. The starting angle of the cage "
-    "has hardly any effect. With rolling balls, `mount --draws 0` solves every mesh position. With locked "
-    "balls, the balls remain in one phase. If the preset does not specify this phase, the gain is given as a range "
-    "over the phase."
+    "depends strongly on single micrometres of clearance, and on second-order conventions of the geometry such as "
+    "the nominal curve. The clearance can be fitted again after a change of convention, and this compensates most of "
+    "the change. The prediction of an absolute value therefore requires at least one measurement. The comparison of "
+    "two holes is more reliable: F'_ior at 180° is smaller than at 0° in all rows with one change.\n\nMost of the "
+    "spread over the parameter sets comes from the support stiffness C_3 (1e3 to 1e5 N/mm). If C_3 is the value of "
+    "the preset in all parameter sets, the standard deviations of ln F'_ior at 80 N·m are only 0.21 (0°) and 0.49 "
+    "(180°).\n\nThe second table gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two "
+    "models of the balls. Rolling balls do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in "
+    "hole 9. The starting angle of the cage has hardly any effect. With rolling balls, `mount --draws 0` solves "
+    "every mesh position. With locked balls, the balls remain in one phase. If the preset does not specify this "
+    "phase, the gain is given as a range over the phase."
 )
 STARTS = (0.0, 0.5)  # of the cage, ball pitches
 ADVISED = (8, 9)  # holes of twelve, by the values as given and over all that is assumed
@@ -60,16 +60,19 @@ def table() -> str:
         "ball phase beta 0": changed(drive, bearing__beta=0.0),
         "rolling balls": changed(drive, bearing__ball_motion="rolling"),
         "nominal curve: linear": curved,
-        f"the same, j_n refitted to {again:.1f} µm": changed(curved, gears__j_n=again),
+        f"nominal curve: linear, with j_n refitted to {again:.1f} µm": changed(curved, gears__j_n=again),
     }
     head = [f"{M_g:g} N·m, {phase:g}°" for M_g, phase in POINTS]
     lines = [f"|change|{'|'.join(head)}|", "|---|---|---|---|---|"]
-    values = {"none": base, **{words: [F_ior(d, *point) for point in POINTS] for words, d in rows.items()}}
+    values = {"no change": base, **{words: [F_ior(d, *point) for point in POINTS] for words, d in rows.items()}}
     lines += [f"|{words}|{'|'.join(f'{value:.1f}' for value in found)}|" for words, found in values.items()]
     sets = F_ior_over_sets()
     pairs = [sets[:, torque, phase] for torque in (0, 1) for phase in (0, 6)]
-    lines.append(f"|{COUNT} parameter sets, 5 to 95 %|{'|'.join(span(values, '.1f') for values in pairs)}|")
-    lines.append(f"|standard deviation of ln F'_ior|{'|'.join(f'{scatter(values):.2f}' for values in pairs)}|")
+    lines.append(
+        f"|{COUNT} parameter sets, 5th to 95th percentile|{'|'.join(span(values, '.1f') for values in pairs)}|"
+    )
+    scatters = "|".join(f"{scatter(values):.2f}" for values in pairs)
+    lines.append(f"|standard deviation of ln F'_ior over these sets|{scatters}|")
     return "\n".join([*lines, "", *rolling()])
 
 
@@ -77,7 +80,8 @@ def rolling() -> list[str]:
     """Lines of a table: what a turn to the advised holes takes off with balls that are held, and with rolling ones."""
     rolls = [load_preset("vzp160", ["bearing.ball_motion=rolling", f"bearing.beta={beta}"]) for beta in STARTS]
     lines = [
-        "|reduction of F'_ior in|balls locked|balls rolling, the cage starting at 0 and 1/2 ball pitch|",
+        "|hole and torque|reduction of F'_ior with locked balls|reduction of F'_ior with rolling balls, for starting "
+        "angles of the cage of 0 and 1/2 ball pitch|",
         "|---|---|---|",
     ]
     for M_g in (80.0, 800.0):

@@ -19,14 +19,16 @@ PAPERS = (
 )
 ABOUT = (
     "C_3 is the stiffness of the support of the wave generator, and e_h^b is its eccentricity fixed to the housing. "
-    "The first three tables show how the gain from moving the fixed wheel depends on C_3 and e_h^b. The rows of the "
-    "last table apply to 80 N·m.\n\nA self-aligning wave generator (C_3 = 0, an Oldham coupling without friction) "
-    "aligns itself, so deviations fixed to the housing have no effect. All holes are then equivalent, and F'_ior is "
+    "The first three tables show how the gain from moving the fixed wheel depends on C_3 and e_h^b. The last table "
+    "compares results at 80 N·m with expected values.\n\nWith C_3 = 0, which is an Oldham coupling without friction, "
+    "the wave generator aligns itself. Deviations fixed to the housing then have no effect. All holes are then "
+    "equivalent, and F'_ior is "
     "smallest. The gain from moving the wheel is largest if the eccentricity, reduced by the compliance of the "
     "support, has about the same effect as the deviation of the wheel. This occurs with a soft support and a large "
     "eccentricity, with a stiff support and a small eccentricity, and with combinations between these cases. "
     "Plausible values of C_3 are 1e3 to 1e5 N/mm. The fit of `vzp160` to Fig. 3 of the paper requires 9e3 "
-    f"N/mm.\n\nThe two papers in the table of comparisons are {PAPERS}. Both are known to us only from citations, "
+    f"N/mm.\n\nThe two papers named as a source in the last table are {PAPERS}. Both are known to us only from "
+    "citations, "
     "without figures. They were not used in the fit."
 )
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
@@ -52,8 +54,9 @@ def table() -> str:
     """By C_3, by e_hb, and greatest over least by both, in Markdown."""
     heads = ("|{}|80 N·m|800 N·m|", "|---|---|---|")
     lines = [
-        "The cells give the smallest and the largest F'_ior of `vzp160` (whole flanks) in twelve holes, in arcsec, "
-        "and the ratio of the two values.",
+        "The first two tables give the smallest and the largest F'_ior of `vzp160` (whole flanks) in twelve holes, "
+        "in arcsec, and the ratio of the largest to the smallest value. The third table gives only this ratio, at 80 "
+        "N·m.",
         "",
     ]
     lines += [heads[0].format("C_3, N/mm"), heads[1]]
@@ -63,7 +66,7 @@ def table() -> str:
     some, offsets = (0, 1000, 4000, 8400, 30000, 100000), (0, 15, 30, 60, 100)
     lines += [
         "",
-        f"|largest divided by smallest F'_ior at 80 N·m: C_3, N/mm|{'|'.join(f'e_h^b {e} µm' for e in offsets)}|",
+        f"|C_3, N/mm|{'|'.join(f'e_h^b {e} µm' for e in offsets)}|",
     ]
     lines += [f"|---|{'---|' * len(offsets)}"]
     for C in some:
@@ -88,7 +91,7 @@ CASES = [
         "arcsec",
         "second implementation",
         **about(value, 0.04 * value),
-        why="The second implementation computed only six holes, and its drive differs slightly",
+        why="The second implementation computed F'_ior in only six holes, and its drive differs slightly from `vzp160`",
         kind=Kind.MODEL,
         digits=".1f",
         value=lambda C=C: max(by_hole(80.0, SUPPORT, C)),
@@ -99,7 +102,7 @@ CASES = [
     Case(
         "largest divided by smallest F'_ior, C_3 = 0",
         "",
-        "deviations fixed to the housing have no effect",
+        "symmetry: deviations fixed to the housing have no effect",
         **about(1, 2e-3),
         why="The ratio is exactly 1 by symmetry. The search for the extremes adds a small error",
         kind=Kind.CLOSED_FORM,
@@ -109,7 +112,7 @@ CASES = [
     Case(
         "largest divided by smallest F'_ior, e_h^b = 0",
         "",
-        "no deviation fixed to the housing",
+        "symmetry: no deviation fixed to the housing",
         **about(1, 2e-3),
         why="The ratio is exactly 1 by symmetry. The search for the extremes adds a small error",
         kind=Kind.CLOSED_FORM,
@@ -123,8 +126,8 @@ CASES = [
         "two papers",
         low=0.2,
         high=0.95,
-        why="Both papers report that a self-aligning coupling reduces the error. A reduction of at least 5 % is "
-        "required here, which a test rig would show",
+        why="Both papers report that a self-aligning coupling reduces the error. The row requires a reduction of at "
+        "least 5 %, because a test rig can measure such a reduction",
         kind=Kind.PREDICTED,
         digits=".2f",
         value=lambda: mean(by_hole(80.0, SUPPORT, 0)) / mean(by_hole(80.0, SUPPORT, 8400)),
@@ -135,7 +138,7 @@ CASES = [
         "no external source",
         low=0.5,
         high=0.75,
-        why="With a stiff support, moving the wheel has a smaller gain",
+        why="With a stiff support, the gain from moving the wheel is smaller",
         kind=Kind.MODEL,
         digits=".2f",
         value=lambda: ratio(100000) / ratio(8400),

@@ -17,12 +17,13 @@ ABOUT = (
     "K1, K2 and K3 are the torsional stiffnesses in the three torque ranges of the catalogue. The first table gives "
     "the computed stiffness of each preset divided by its catalogue value. The lost motion is computed between ±4 % "
     "of the rated torque. As a rule of thumb, manufacturers state a lost motion of 60″.\n\n`vzp160` is not a "
-    "catalogue drive. Its expected stiffnesses are those of sizes 58 (40, 61, 71·10⁴ N·m/rad) and 65 (54, 88, 98·10⁴ "
-    "N·m/rad), scaled with the cube of the diameter. The rows with several drives use sizes 17 to 65, because the "
-    "catalogue values of size 14 deviate from the cube law.\n\nOnly K1 was fitted. A single value, the clearance of "
-    "the flexible bearing, fits K1 of all sizes. This clearance is 0.085 µm per mm of diameter, or 3.7 µm for size 17 "
-    "and 14 µm for size 65. It adds no backlash. Other changes that reduce K1 were also tried: a thinner shell, a "
-    "smaller radial deflection, softer flanks, and Hertzian balls. Each of these changes makes K2 or K3 wrong."
+    "catalogue drive. Its expected stiffnesses are means of catalogue values, scaled with the cube of the pitch "
+    "diameter. These are the values of sizes 58 (40, 61, 71·10⁴ N·m/rad) and 65 (54, 88, 98·10⁴ N·m/rad). The rows "
+    "for all sizes use sizes 17 to 65, because the catalogue values of size 14 deviate from the cube law.\n\nOnly K1 "
+    "was fitted. A single value, the clearance of the flexible bearing, fits K1 of all sizes. This clearance is "
+    "0.085 µm per mm of diameter, or 3.7 µm for size 17 and 14 µm for size 65. It adds no backlash. Other changes "
+    "that reduce K1 were also tried: a thinner shell, a smaller radial deflection, softer flanks, and Hertzian "
+    "balls. Each of these changes makes K2 or K3 wrong."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)
@@ -70,7 +71,8 @@ def segment(k: int, miss: str = "") -> Case:
         "10⁴N·m/rad",
         "Harmonic Drive CSF/CSG catalogue",
         **about(scaled(k), 0.1 * scaled(k)),
-        why="The catalogue states mean values of another manufacturer. A deviation of 10 % is assumed to be possible",
+        why="The catalogue states mean values, and it is the catalogue of another manufacturer. A deviation of 10 % "
+        "is assumed to be possible",
         kind=Kind.PREDICTED,
         value=lambda: K(k),
         digits=".1f",
@@ -80,7 +82,11 @@ def segment(k: int, miss: str = "") -> Case:
 
 def table() -> str:
     """K1 to K3 of the presets of all sizes over their catalogues', and lost motion."""
-    lines = ["|size|K1, ratio to catalogue|K2, ratio|K3, ratio|lost motion|", "|---|---|---|---|---|"]
+    lines = [
+        "|size|K1 divided by catalogue value|K2 divided by catalogue value|K3 divided by catalogue "
+        "value|computed lost motion|",
+        "|---|---|---|---|---|",
+    ]
     for size in (14, *SIMILAR):
         drive = load_preset(f"size-{size}-100")
         own, said = stiffness(drive, run=UNCHECKED), drive.catalogue
@@ -141,7 +147,7 @@ CASES = [
         "",
         "numerics.stations",
         **about(1, 0.02),
-        why="The accepted error is smaller than the effect of the uncertain stiffness k_face",
+        why="The accepted change is smaller than the effect of the uncertainty of the stiffness k_face",
         kind=Kind.CONVERGENCE,
         digits=".3f",
         value=lambda: K(1, numerics__stations=2 * STATIONS) / K(1),
@@ -151,7 +157,7 @@ CASES = [
 ]
 INFORMATION = [
     Information(
-        "lost motion, divided by lost motion with whole flanks",
+        "lost motion of vzp160, divided by its lost motion with whole flanks",
         "",
         "No independent value exists.",
         value=lambda: curve().lost_motion_arcsec / curve(numerics__stations=1).lost_motion_arcsec,

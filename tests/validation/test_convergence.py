@@ -35,7 +35,7 @@ def F_ior(M_g: float, *fields: str) -> float:
 
 def finer(words: str, M_g: float, *fields: str) -> Case:
     return Case(
-        f"F'_ior, {M_g:g} N·m, {words}",
+        f"change of F'_ior, {M_g:g} N·m, {words}",
         "arcsec",
         "default resolution",
         **about(0, 0.2),
@@ -95,7 +95,7 @@ CASES = [
         )
     ),
     Case(
-        "F'_ior, 800 N·m, both changes, largest over the phase",
+        "change of F'_ior, 800 N·m, both changes, largest over the mounting phase",
         "arcsec",
         "default resolution",
         **about(0, 0.2),
@@ -106,16 +106,16 @@ CASES = [
         slow=True,
     ),
     Case(
-        "gaps below 0.3 mm, ten times as many points along a flank",
+        "change of gaps below 0.3 mm, with ten times as many points along a flank",
         "nm",
-        "401 points",
+        "default of 401 points",
         **about(0, 1),
         why="A gap of one nanometre corresponds to 0.003 arcsec",
         kind=Kind.CONVERGENCE,
         value=flank_samples,
     ),
     Case(
-        "self error at 800 N·m, 30 x 30 phases instead of 20 x 20",
+        "change of the self error at 800 N·m, with 30 x 30 phases instead of 20 x 20",
         "arcsec",
         "numerics.n_phase",
         **about(0, 0.1),
@@ -126,9 +126,9 @@ CASES = [
         slow=True,
     ),
     Case(
-        "share of F'_ior found in every 101st mesh position",
+        "share of F'_ior found if only every 101st mesh position is solved",
         "",
-        "reason for solving every position",
+        "reason for the solution of every position",
         0.2,
         0.8,
         why="Every 101st position has one of only two input angles, so a part of F'_ior is overlooked",

@@ -22,8 +22,9 @@ ABOUT = (
     "although they determine the level of F'_ior of every catalogue preset. The bounds are therefore compared with "
     "the accuracy in the catalogue, which every drive sold meets. The catalogue states no load, and the comparison "
     "uses a tenth of the rated torque. The first table gives the share of 64 sampled drives that meet the accuracy. "
-    "The second table gives this share with other bounds (first column, as a factor), and the change of the median "
-    "and of the 95th percentile of F'_ior as factors.\n\nWith bounds twice as large, most drives of size 20 do not "
+    "The second table gives this share with the bounds multiplied by the factor in the first column. It also gives the "
+    "factors by which the median and the 95th percentile of F'_ior then change.\n\nWith bounds twice as large, most "
+    "drives of size 20 do not "
     "meet the accuracy. With bounds half as large, the error in the [recording of an actual "
     "drive](#a-real-drive-among-sampled-ones) would exceed that of all sampled drives. The bounds are therefore not "
     "changed. The sampled deviations of single teeth follow from the accuracy class of F'_i, and agree with half of "
@@ -31,7 +32,8 @@ ABOUT = (
     "20 to 65, but the computed F'_ior decreases with the diameter. The reason is the assumed accuracy class of the "
     "teeth. F_p of class 7 (ISO 1328-1) is 32 µm for size 20 and 40 µm for size 65, although the diameter of size 65 "
     "is 3.25 times as large. With the same angular deviation as size 20 (class 9 to 10), size 65 also meets the "
-    "accuracy (last row). The accuracy in a catalogue is an upper limit, so the error of actual drives may be lower. "
+    "accuracy (last row of this section). The accuracy in a catalogue is an upper limit, so the error of actual "
+    "drives may be lower. "
     "Conversely, F'_ior of the presets may be too small by a factor of up to 1.9 (size 40) and 2.9 (size 65)."
 )
 SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40"
@@ -56,7 +58,8 @@ def moved(size: int, harmonics: float, share: float) -> float:
 def table() -> str:
     """F'_ior of drawn drives of each size beside the catalogue's accuracy, and by the bounds of the harmonics."""
     lines = [
-        "|size|accuracy|F'_ior of sampled drives: 5/50/95 %|meet the accuracy|meet the accuracy sold on request|",
+        "|size|accuracy|F'_ior of sampled drives: 5/50/95 %|share that meets the accuracy|share that meets the "
+        "accuracy available on request|",
         "|---|---|---|---|---|",
     ]
     for size in SIZES:
@@ -84,19 +87,20 @@ def table() -> str:
 
 CASES = [
     Case(
-        "share of drives within the accuracy, smallest of all sizes",
+        "share of drives that meet the accuracy, smallest of all sizes",
         "%",
         SOURCE,
         90,
         100,
-        why="The required share of drives that meet the accuracy is 95 %, minus its uncertainty with 64 drives",
+        why="The share of all drives that meet the accuracy should be 95 % or more. The accepted share of 64 drives "
+        "is smaller by its statistical uncertainty",
         kind=Kind.CHECK,
         digits=".0f",
         value=lambda: min(kept(size) for size in SIZES),
         slow=True,
     ),
     Case(
-        "share of drives of size 20 within the accuracy, bounds of the harmonics twice as large",
+        "share of drives of size 20 that meet the accuracy, with the bounds of the harmonics multiplied by 2",
         "%",
         SOURCE,
         0,
@@ -113,7 +117,7 @@ CASES = [
         SOURCE,
         30,
         60,
-        why="The range extends from the accuracy sold on request to the accuracy of all drives",
+        why="The range extends from the accuracy available on request to the accuracy of all drives",
         kind=Kind.CHECK,
         digits=".0f",
         value=lambda: float(np.percentile(F_ior_drawn(65, COUNT, IN_ANGLE, IN_ANGLE), 95)),

@@ -21,23 +21,24 @@ from tests.validation.parameter_sets import TORQUES, F_ior_over_sets, span
 
 TITLE = "Lyuminarsky, Lyuminarsky, Ivanov (2019)"
 ABOUT = (
-    "The preset `vzp160` describes the drive of this paper (doi 10.18698/0536-1044-2019-11-3-8). The paper prints the "
-    "dimensions and tolerances of the drive, but not its stiffnesses and clearances. These values were fitted to two "
-    "figures of the paper. Fig. 3 shows F'_ior as a function of the mounting phase of the circular spline. Fig. 2 "
-    "shows the range of the error within one input revolution, for three starting angles. The bounds of the fit "
-    "included the self error (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). The alternatives are "
-    "other sets of values, fitted to Fig. 3 alone. For the alternatives, Fig. 2 is therefore an independent "
-    "comparison. The statements of the paper about single-zone meshing, and the catalogue stiffnesses of the next "
-    "section, were not used in any fit.\n\nBoth figures together do not determine all fitted values. The undetermined "
-    "values are given as samples in the table `fit` of the preset. As a check, these values were searched again from "
-    "568 drives spread over all bounds (effective sample size 130). The test of Kolmogorov and Smirnov shows no "
-    "difference between both distributions for any of the twelve values. The maximum distance is 0.16, and chance "
-    "alone exceeds 0.21 in one of twenty cases. In the repeated search, F'_ior in hole 0 is 27.6″ (5th to 95th "
-    "percentile 25.8 to 29.8″) at 80 N·m and 7.8″ at 800 N·m. In hole 8 it is 16.5″ (15.3 to 17.5″) and 4.3″. Every "
-    "set of values that agrees with Fig. 3 gives K1 of at least 72·10⁴ N·m/rad.\n\nSingle-zone meshing occurs if one "
-    "of the two mesh zones carries less than 1 % of the torque. The single-zone share is the share of such mesh "
-    "positions in an input revolution or in the mesh cycle.\n\nThe paper itself is a computation. Agreement with the "
-    "paper is therefore agreement with another model, not with a measurement."
+    "The preset `vzp160` describes the drive of this paper (doi 10.18698/0536-1044-2019-11-3-8). The paper prints "
+    "the dimensions and tolerances of the drive, but not its stiffnesses and clearances. These values were fitted to "
+    "two figures of the paper. Fig. 3 shows F'_ior as a function of the mounting phase of the circular spline. Fig. "
+    "2 shows the range of the error within one input revolution, for three starting angles. The self error limited "
+    "the fit as a bound (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). The alternatives are other "
+    "sets of values, fitted to Fig. 3 alone. For the alternatives, Fig. 2 is therefore an independent comparison. "
+    "The statements of the paper about single-zone meshing, and the catalogue stiffnesses of the next section, were "
+    "not used in any fit.\n\nThe two figures together do not determine all fitted values. The undetermined values "
+    "are given as samples in the table `fit` of the preset. As a check, the search for these values was repeated "
+    "from 568 drives spread over all bounds (effective sample size 130). The test of Kolmogorov and Smirnov shows no "
+    "difference between the two resulting distributions for any of the twelve values. The largest distance between "
+    "the distributions is 0.16. A distance above 0.21 occurs by chance in one of twenty cases. In the repeated "
+    "search, F'_ior in hole 0 is 27.6″ (5th to 95th percentile 25.8 to 29.8″) at 80 N·m and 7.8″ at 800 N·m. In hole "
+    "8, F'_ior is 16.5″ (15.3 to 17.5″) at 80 N·m and 4.3″ at 800 N·m. Every set of values that agrees with Fig. 3 "
+    "gives K1 of at least 72·10⁴ N·m/rad.\n\nSingle-zone meshing occurs if one of the two mesh zones carries less "
+    "than 1 % of the torque. The single-zone share is the share of such mesh positions in an input revolution or in "
+    "the mesh cycle.\n\nThe paper itself is a computation. Agreement with the paper is therefore agreement with "
+    "another model, not with a measurement."
 )
 ALTERNATIVES = read_yaml(Path(__file__).with_name("vzp160_alternatives.yaml").read_bytes(), "alternatives").data
 FIG_2 = {"starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
@@ -104,7 +105,7 @@ def over_phase(M_g: float, get: str) -> Array:
 
 def fig_3(M_g: float, get: str, value: float, number: int = 0) -> Case:
     return Case(
-        f"{NAMES[get]} F'_ior, {M_g:g} N·m{words(number)}",
+        f"{NAMES[get]} F'_ior over the mounting phase, {M_g:g} N·m{words(number)}",
         "arcsec",
         "Fig. 3",
         **about(value, 0.05 * value),
@@ -123,21 +124,21 @@ def words(number: int) -> str:
 
 
 NAMES = {"greatest": "largest", "least": "smallest"}
-ROUNDED = "The value was read from a curve, and the paper prints such values without decimals"
+ROUNDED = "The expected value was read from a curve. The paper states such values without decimals"
 SAID = "The paper states that the range 'changes 2 to 3 times'. Fig. 2 shows three starting angles"
-MISSED = "If only Fig. 3 is used in the fit, the ratio of the ranges exceeds the statement of the paper"
+MISSED = "If the values are fitted to Fig. 3 alone, the ratio of the ranges is larger than the paper states"
 AT_THE_EDGE = "The fit meets all five values of both figures, but each value is near the end of its tolerance"
 BARS = ((80.0, "greatest", 31), (80.0, "least", 15), (800.0, "greatest", 13), (800.0, "least", 2))
 NEAREST = len(ALTERNATIVES)
 CONTROL = (
-    "Control of the prediction above. At 240 N·m there is no single-zone meshing, but the range depends on the "
-    "starting angle in the same way. Single-zone meshing is therefore not necessarily the cause"
+    "This row is a control of the predicted rank correlation. At 240 N·m there is no single-zone meshing, but the "
+    "range depends on the starting angle in the same way. Single-zone meshing is therefore not necessarily the cause"
 )
 CASES = [
     *(fig_3(*bar) for bar in BARS),
     *(fig_3(*bar, NEAREST) for bar in BARS),
     Case(
-        "largest over smallest range in a revolution",
+        "ratio of the largest to the smallest range in an input revolution",
         "",
         "Fig. 2",
         2,
@@ -151,7 +152,7 @@ CASES = [
         Case(
             f"self error, {M_g:g} N·m",
             "arcsec",
-            "list of causes",
+            "list of causes of error",
             0.25,
             2.00,
             why="The paper states this range for drives of this kind",
@@ -164,7 +165,7 @@ CASES = [
     ),
     *(
         Case(
-            f"largest over smallest range in a revolution{words(number)}",
+            f"ratio of the largest to the smallest range in an input revolution{words(number)}",
             "",
             "Fig. 2",
             2,
@@ -178,12 +179,12 @@ CASES = [
         for number in range(1, NEAREST + 1)
     ),
     Case(
-        "rank correlation of range and single-zone share",
+        "rank correlation between the range of the error and the single-zone share",
         "",
-        "Fig. 2 and its text",
+        "Fig. 2 and the text about it",
         0.9,
         1,
-        why="Two independent quantities reach such a correlation in one of seven cases",
+        why="Two independent quantities reach such a correlation by chance in one of seven cases",
         kind=Kind.PREDICTED,
         value=lambda: together(80.0),
         digits=".3f",
@@ -200,7 +201,7 @@ CASES = [
         digits=".2f",
     ),
     Case(
-        "the same correlation, with the range at 240 N·m",
+        "rank correlation between the range at 240 N·m and the single-zone share at 80 N·m",
         "",
         "no external source",
         0.9,
@@ -211,13 +212,13 @@ CASES = [
         digits=".3f",
     ),
     Case(
-        "single-zone share, worst minus best phase",
+        "single-zone share in the worst mounting phase, minus that in the best phase",
         "",
-        "text below Fig. 2",
+        "text of the paper below Fig. 2",
         0.05,
         np.inf,
-        why="The paper states that single-zone meshing increases the error. A difference of a twentieth of the mesh "
-        "cycle is required here",
+        why="The paper states that single-zone meshing increases the error. The row requires a difference of at "
+        "least a twentieth of the mesh positions",
         kind=Kind.PREDICTED,
         value=lambda: (
             cycle(80.0, scan(80.0).worst_deg).one_wave_share - cycle(80.0, scan(80.0).best_deg).one_wave_share
@@ -226,12 +227,12 @@ CASES = [
         slow=True,
     ),
     Case(
-        "single-zone share, worst phase, 800 N·m",
+        "single-zone share in the worst mounting phase, 800 N·m",
         "",
         "Fig. 3",
         0,
         0.05,
-        why="At this torque the elastic deflection exceeds the deviations, so both zones carry load",
+        why="At this torque the elastic deflection exceeds the deviations, so both mesh zones carry load",
         kind=Kind.PREDICTED,
         value=lambda: cycle(800.0, scan(800.0).worst_deg).one_wave_share,
         digits=".2f",
@@ -239,13 +240,13 @@ CASES = [
     ),
     *(
         Case(
-            f"angle from the worst to the best phase, {M_g:g} N·m",
+            f"angle from the worst to the best mounting phase, {M_g:g} N·m",
             "deg",
             "no external source",
             120,
             180,
-            why="Deviation and eccentricity add up in one phase and cancel in the other, so the phases are nearly "
-            "opposite",
+            why="The effects of the wheel deviation and of the eccentricity add up in the worst phase and partly "
+            "cancel in the best phase, so the two phases are nearly opposite",
             kind=Kind.MODEL,
             value=lambda M_g=M_g: apart(M_g),
             digits=".0f",

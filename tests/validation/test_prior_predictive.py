@@ -33,14 +33,15 @@ ABOUT = (
     "recording. The column with three values gives the 5th percentile, the median and the 95th percentile of 128 "
     "sampled drives. These drives were evaluated over the same number of revolutions. Their deviations, which the "
     "preset `size-17-100` does not specify, were sampled, and the torque was 2.4 N·m. The remaining columns give the "
-    "percentile of the recording among the sampled drives, also with bounds of the harmonics half and twice as "
-    "large.\n\nA gearhead with a ratio of 10:1 and a backlash of 30 arcmin drove the input, and no encoder measured "
-    "the input. An error of 100 arcsec at the input appears as one arcsec at the output. Therefore only order 2 and "
-    "the peak-to-peak range characterise the harmonic drive. Order 1 lies above all samples, possibly because of the "
-    "gearhead. In addition, the wave generator of this size is modelled with an Oldham coupling, which suppresses "
-    "order 1. Order 6 lies within the samples because deviations of single teeth are sampled.\n\nThe recording was "
-    "known when the bounds of the harmonics were chosen, but the bounds were not fitted to it. Only an oval circular "
-    "spline or an oval seat explains the amplitude of order 2. No other deviation of plausible size is sufficient."
+    "percentile of the recording among the sampled drives. They apply to the bounds of the harmonics multiplied by "
+    "0.5, 1 and 2.\n\nA gearhead with a ratio of 10:1 and a backlash of 30 arcmin drove the input, and no encoder "
+    "measured the input. An error of 100 arcsec at the input appears as one arcsec at the output. Therefore only "
+    "order 2 and the peak-to-peak range characterise the harmonic drive. Order 1 lies above all samples, possibly "
+    "because of the gearhead. In addition, the wave generator of this size is modelled with an Oldham coupling, "
+    "which suppresses order 1. Order 6 lies within the samples because deviations of single teeth are sampled.\n\n"
+    "The recording was known when the bounds of the harmonics were chosen, but the bounds were not fitted to it. "
+    "Only an oval circular spline or an oval seat explains the amplitude of order 2. No other deviation of a "
+    "plausible size causes such a large amplitude."
 )
 GEARHEAD = "The gearhead at the input may have caused this component"
 GUESS = (
@@ -107,7 +108,7 @@ def percentile(name: str, harmonics: float = 1.0) -> float:
 
 def table() -> str:
     """The record, what was drawn, and the record's percentile with other bounds of the harmonics, in Markdown."""
-    heads = "|".join(f"percentile, harmonics×{factor:g}" for factor in FACTORS)
+    heads = "|".join(f"percentile, harmonics × {factor:g}" for factor in FACTORS)
     lines = [f"|quantity, arcsec|recording|sampled drives: 5/50/95 %|{heads}|", f"|{'---|' * 6}"]
     for k, name in enumerate(NAMES):
         places = "|".join(f"{percentile(name, factor):.0f}" for factor in FACTORS)
@@ -148,7 +149,8 @@ CASES = [
         SOURCE,
         **about(21.6, 0.9),
         digits=".1f",
-        why="The tolerance contains the difference between two star trails and the scale of the picture",
+        why="The tolerance contains the difference between two star trails and the uncertainty of the scale of the "
+        "picture",
         kind=Kind.READING,
         value=lambda: measured()[1],
     ),
@@ -169,12 +171,12 @@ CASES = [
         digits=".2f",
     ),
     Case(
-        "percentile of order 2, harmonics×0.5",
+        "percentile of order 2, with the bounds of the harmonics multiplied by 0.5",
         "%",
         SOURCE,
         95,
         100,
-        why="With half the bound of the harmonics, this drive would lie outside the samples",
+        why="If the bounds of the harmonics were half as large, this drive would lie outside the samples",
         kind=Kind.CHECK,
         value=lambda: percentile("order 2", 0.5),
         digits=".0f",

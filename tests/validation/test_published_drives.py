@@ -28,19 +28,20 @@ STARTS = 4  # places of the cycle from which each drawn drive is recorded
 TITLE = "Published drives among sampled ones"
 ABOUT = (
     "The first table lists all published peak-to-peak errors that we found. Most of these drives belong to telescope "
-    "mounts. Their size is 14 or 17 if it is published, and is otherwise assumed to be 17. Their load is unknown. The "
-    "values are compared with drives sampled from `size-17-100` at 0.5 and at 2.4 N·m. `check` samples drives in the "
-    "same way from the data of the catalogue.\n\nThe column *share below* gives the share of sampled drives, in per "
-    "cent, whose peak-to-peak error is below the published value. The error of a sampled drive is taken over the same "
-    "number of input revolutions as in the recording, from several starting angles. If the number of revolutions is "
-    "not published, 2.5 revolutions are used. The value in brackets is the share of sampled drives whose F'_ior over "
-    "the full mesh cycle is below the published value. Limits, statements about a class of drives, and values "
-    "recalled from memory are listed without a comparison.\n\nIf the sampled drives were like actual drives, the "
-    "shares would be evenly distributed between 0 and 100 %. The test of Kolmogorov and Smirnov does not refute this "
-    "assumption, but five values are too few for a conclusive test. The standard error of a share is up to 7 %. The "
-    "two smallest values have shares of 5 to 12 %. The largest value, which an owner states for a drive with an "
-    "unknown coupling, is above all samples. In the previous section, the recording has a percentile of only 14 for "
-    "order 6. The teeth of actual drives may therefore be better than the accuracy class assumed for the wheel."
+    "mounts. Their size is 14 or 17 if it is published, and is otherwise assumed to be 17. Their load is unknown. "
+    "The values are compared with drives sampled from `size-17-100` at 0.5 and at 2.4 N·m. `check` samples drives in "
+    "the same way from the data of the catalogue.\n\nThe column *share below* gives the share of sampled drives, in "
+    "per cent, whose peak-to-peak error is below the published value. The error of a sampled drive is computed over "
+    "the same number of input revolutions as in the recording, from several starting angles. If the number of "
+    "revolutions is not published, 2.5 revolutions are used. The value in brackets is the share of sampled drives "
+    "whose F'_ior over the full mesh cycle is below the published value. Limits, statements about a class of drives, "
+    "and values recalled from memory are listed without a comparison.\n\nIf the sampled drives were like actual "
+    "drives, the shares would be evenly distributed between 0 and 100 %. The test of Kolmogorov and Smirnov does not "
+    "refute this assumption, but five values are too few for a conclusive test. The standard error of a share is up "
+    "to 7 %. The two smallest values have shares of 5 to 12 %. The largest value, which an owner states for a drive "
+    "with an unknown coupling, is above all samples. In the previous section, the recording has a percentile of only "
+    "14 for order 6. The teeth of actual drives may therefore be better than the accuracy class assumed for the "
+    "wheel."
 )
 
 
@@ -95,7 +96,7 @@ def p_value(torque: int) -> float:
 
 def table() -> str:
     """The records with their places among the drawn drives, in Markdown."""
-    heads = "drive|size, ratio|load|input revolutions|peak to peak, ″|share below, %, at 0.5 and 2.4 N·m|unknown|source"
+    heads = "drive|size, ratio|load|input revolutions|peak to peak, ″|share below, %, at 0.5 and 2.4 N·m|remarks|source"
     lines = [f"|{heads}|", f"|{'---|' * 8}"]
     for row in records():
         both = range(len(TORQUES)) if row["compared_arcsec"] else ()
@@ -123,7 +124,7 @@ def table() -> str:
 
 CASES = [
     Case(
-        "smallest share at 2.4 N·m",
+        "smallest value of *share below* at 2.4 N·m",
         "%",
         "table above",
         2.5,

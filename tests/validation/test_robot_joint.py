@@ -70,14 +70,14 @@ CASES = [
         "arcsec",
         SOURCE,
         **about(46.7, 6),
-        why="A least-squares fit without prior gives this value after subtraction of the output orders 0 to 12. It "
-        "contains the noise of two readings",
+        why="A least-squares fit without prior gives this value after subtraction of the output orders 0 to 12. The "
+        "value contains the noise of the two extreme readings",
         kind=Kind.READING,
         value=lambda: sweep().range.fitted,
         digits=".1f",
     ),
     Case(
-        "slow terms subtracted",
+        "range of the subtracted slow terms",
         "arcsec",
         SOURCE,
         **about(1063, 20),
@@ -92,7 +92,7 @@ CASES = [
             "arcsec",
             SOURCE,
             **about(value, 0.4),
-            why="A least-squares fit without prior gives this value. It contains noise",
+            why="A least-squares fit without prior gives this value, which contains noise",
             kind=Kind.READING,
             value=lambda order=order: of_cam(order),
             digits=".1f",

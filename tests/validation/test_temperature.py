@@ -17,7 +17,8 @@ CASES = [
     Case(
         f"F'_ior, {M_g:g} N·m, {dT} K", "arcsec",
         "second implementation", **about(value, 0.03 * value), digits=".1f", kind=Kind.MODEL,
-        why="The values of the second implementation have two or three digits, and its drive differs slightly",
+        why="The results of the second implementation are stated with two or three digits, and its drive differs "
+            "slightly from `vzp160`",
         value=lambda M_g=M_g, dT=dT: F_ior(M_g, operation__dT=float(dT)),
     )
     for M_g, values in FOUND.items() for dT, value in values.items()
