@@ -28,7 +28,7 @@ def test_python_example_runs(capsys):
     (code,) = blocks("python")
     exec(compile(code, "README.md", "exec"), {})
     told = capsys.readouterr().out
-    assert re.match(r"F'_ior = \d+\.\d\d arcsec over 20200 states\ngreatest residual .*e-1\d of its scale\n$", told)
+    assert re.match(r"F'_ior = \d+\.\d\d arcsec over 20200 states\nlargest relative residual: .*e-1\d\n$", told)
 
 
 def test_commands_that_it_names_exist():
