@@ -192,7 +192,7 @@ _EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # exit codes, most severe first, for the
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the most severe verdict; NO_LIMIT without any."""
+    """Return the most severe verdict, or NO_LIMIT if there are no verdicts."""
     return min(verdicts, key=SEVERITY.index, default=Verdict.NO_LIMIT)
 
 

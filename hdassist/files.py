@@ -46,7 +46,8 @@ class TextFile:
     """Text of a file, read once and in parts, which limits the memory for large files.
 
     name: name of the file in messages.
-    sha256: hash of the bytes, once all parts are read (of a gzip file unpacked; of a text stream in UTF-8).
+    sha256: hash of the bytes, available once all parts are read. A gzip file is hashed unpacked, and a
+        text stream as UTF-8.
     is_latin: whether lines that are not UTF-8 were read as Latin-1.
     """
 

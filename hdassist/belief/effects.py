@@ -485,7 +485,7 @@ def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
 
 
 def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
-    """Return the edits to solve further, by row: for unsettled samples, if the edits may be among the best."""
+    """Return, by row, the edits that are still to be solved on unsettled samples: those that may be among the best."""
     limit = samples.room_arcsec
     if samples.all_sets is None:  # a single sample is already solved
         return {}

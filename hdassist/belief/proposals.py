@@ -223,8 +223,8 @@ def _directions_of(drive: Drive) -> int:
 def any_direction(prior: DrivePrior) -> bool:
     """Return whether every direction of the stationary deviations is equally probable.
 
-    Otherwise draws count only in the direction that they have. A stationary ovality of known direction does not turn
-    with the eccentricity.
+    If so, each draw is evaluated in every direction; if not, only in the direction with which it was drawn. A
+    stationary ovality of known direction gives False, because it does not rotate with the eccentricity.
     """
     drive = prior.drive
     prior_of_path = {field_prior.path: field_prior for field_prior in prior.fields}

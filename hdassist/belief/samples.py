@@ -163,7 +163,7 @@ class Samples:
 
         rows: indices of the samples; None selects all.
         """
-        # rows count samples, which do not include refused draws
+        # rows index the samples, which exclude rejected draws
         draws = [draw for draw in self.made if draw.F_ior_arcsec is not None]
         if rows is None:
             rows = np.arange(len(draws))
@@ -372,7 +372,7 @@ def drive_samples(
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
-    """Return samples of a drive at its torques, until as many further samples would hardly change a verdict.
+    """Return samples of a drive at its torques, until twice the number of samples would hardly change a verdict.
 
     prior: prior of the drive.
     held_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
@@ -528,7 +528,7 @@ def limits_settled(
     samples: Samples,
     sure: float = SURE,
 ) -> bool:
-    """Return whether as many further samples would hardly change the verdict on any limit (Probability.is_stable).
+    """Return whether twice the number of samples would hardly change the verdict on any limit (Probability.is_stable).
 
     left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     samples: samples of the drive.

@@ -66,7 +66,7 @@ class Probability:
         return percent_text(self.value, self.low, self.high, needed, outcome=outcome) + over_all
 
     def is_stable(self, sure: float = SURE) -> bool:
-        """Return whether as many further samples would hardly change a verdict that needs `sure`.
+        """Return whether twice the number of samples would hardly change a verdict that needs `sure`.
 
         From n to 2 n samples, the estimate changes by 1/sqrt(2) of its standard error, and 5 % of the distribution lie
         beyond each end of the interval. A probability is also stable if its interval is so narrow that its value

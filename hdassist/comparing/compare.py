@@ -605,7 +605,7 @@ def _explanations(
     """Return explanations of the difference, by each vector and by all together, or the other reading of the file."""
     if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
-    # without a mirrored reading, its chi-square is that of the usual reading
+    # if there is no mirrored reading, the fit of the usual reading takes its place
     mirror, mirrored_base = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror

@@ -480,9 +480,9 @@ def tells_compliance(fit: TraceFit) -> bool:
 def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
     """Return a fit whose orders change with the torque if its bins show this, and the interpolation error [arcsec].
 
-    The interpolation error is the largest one: the bend of the curve at the mean torque, by which a straight line
-    deviates there, or a quarter of the bend if there is a line on either side. It is None if the orders do not change,
-    or if the recording does not determine a bend.
+    The interpolation error is an upper bound, from the upper end of the interval of the bend of the curve at the mean
+    torque. If the orders change linearly, it is the bend. If they change linearly on either side of the mean torque, it
+    is a quarter of the bend. It is None if the orders do not change, or if the recording does not determine a bend.
 
     fit: fit whose orders do not change.
     seed: seed of the bootstrap.

@@ -110,12 +110,12 @@ class Decision:
         room_arcsec: Sequence[float | None] = (),
         sure: float = SURE,
     ) -> Decision:
-        """Return the decision over the first samples that are sufficient for a range, at all their torques.
+        """Return the decision based on the first samples, which give the percentiles of F'_ior, at all their torques.
 
         samples: samples drawn at these rotations; a probability of meeting limits may need more of them.
         rotations_deg: rotations to the usable holes [deg].
         room_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
-        sure: probability of meeting a limit that PASS needs.
+        sure: probability of meeting the limits that PASS requires.
         """
         first = samples.of_ranges
         columns = [samples.rotations_deg.index(turn) for turn in rotations_deg]
@@ -180,7 +180,7 @@ class Decision:
         share: share of the percentile (0.95).
         place: index of the hole; None for rotation 0.
         """
-        if self.all_alike and self.samples:  # as in the result of check
+        if self.all_alike and self.samples:  # the same percentiles as in the result of the `check` command
             return tuple(self.samples.of_ranges.percentile(share, torque) for torque in self.torque_places)
         F_ior = self.now_arcsec if self.all_alike else self.at(place)
         return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)

@@ -531,7 +531,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
 
 
 def _some(paths: Sequence[str]) -> str:
-    """Return the first paths of a list, and the number of further paths, in words."""
+    """Return the first paths of a list as text, followed by the number of omitted paths."""
     unnamed = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
     return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + unnamed
 

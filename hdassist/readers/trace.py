@@ -307,7 +307,7 @@ class TraceForm:
 
     @property
     def has_pace(self) -> bool:
-        """Whether a speed or a period is stated, by which times are converted to angles."""
+        """Whether a speed or a period is given for converting times to angles."""
         return self.speed is not None or self.period is not None
 
     def output_speed(self, ratio: float) -> float | None:

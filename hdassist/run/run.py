@@ -68,7 +68,7 @@ class Run:
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
     def solved(self, states: int) -> None:
-        """Report further solved states to the progress.
+        """Report newly solved states to the progress callback, if there is one.
 
         states: number of states.
         """
@@ -324,7 +324,7 @@ def stream(
         try:
             while done < total:
                 at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
-                # a few chunks ahead, so that no process waits for the collecting one
+                # submit a few chunks ahead, so that no worker waits for the process that collects the results
                 while end < total and len(chunks) < AHEAD * at_a_time:
                     # from the measured duration of an item; 0 before the first chunk is done
                     by_time = int(seconds * max(1.0, at_a_time / _MANY) * counted / max(cost, 1e-9))

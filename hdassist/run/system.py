@@ -168,7 +168,7 @@ class PrivateFolder:
         """Return the names of all entries of the folder."""
         if self.descriptor is None:
             return [path.name for path in self.path.iterdir()]
-        return os.listdir(self.descriptor)  # noqa: PTH208 (no path lists an open folder)
+        return os.listdir(self.descriptor)  # noqa: PTH208 (pathlib cannot list a folder by its descriptor)
 
     def own_status(self, name: str) -> os.stat_result | None:
         """Return the status of a file that only this user can write, None for any other file."""

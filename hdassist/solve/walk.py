@@ -325,7 +325,7 @@ _FUNCTIONS = {
 
 
 def _load(path: Path) -> Any:
-    """Load a library of the present source version, with the types of its functions."""
+    """Load a library built from the current source, and declare the argument and result types of its functions."""
     library = _opened(path)
     kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
     for name, letters in _FUNCTIONS.items():

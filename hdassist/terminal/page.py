@@ -191,7 +191,7 @@ def block_on_page(
 
 
 def in_characters(block: Figure, style: Style) -> str:
-    """Return a figure in characters; empty, with a warning on standard error, if it cannot be drawn."""
+    """Return a figure drawn in text characters; warn on standard error and return "" if it cannot be drawn."""
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 

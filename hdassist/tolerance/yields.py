@@ -179,7 +179,7 @@ class Summary:
     sure: required probability of the yield.
     designs, weights: number and weight of the design of each drive with a result.
     refused: design numbers of drives without a result.
-    reason: reason why the first drive has no result.
+    reason: why the first of the refused drives has no result; empty if none was refused.
     states, max_residual: number of solved states and largest residual of the certificate.
     """
 
