@@ -101,6 +101,6 @@ def test_a_kind_of_evidence_is_added_as_the_page_says(package: Path) -> None:
 @pytest.mark.parametrize("package", ["A command"], indirect=True)
 def test_a_command_is_added_as_the_page_says(package: Path) -> None:
     assert "radii of the teeth" in run(package, "--help").stdout
-    assert "Only the tips" in run(package, "radii", "--help").stdout
+    assert "only the tips" in run(package, "radii", "--help").stdout
     assert "mid-line of the rim" in run(package, "radii", TINY).stdout
     assert set(json.loads(run(package, "radii", TINY, "--tips", "--json").stdout)["radii_mm"]) == {"r_ag", "r_ab"}
