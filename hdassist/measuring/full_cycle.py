@@ -59,8 +59,18 @@ def with_full_cycle(result: Measurement) -> Measurement:
     """
     if all(direction.full_cycle is not None for direction in result.directions):
         return result
-    directions = [replace(each, full_cycle=full_cycle(result, each)) for each in result.directions]
+    directions = [_direction_with_full_cycle(result, direction) for direction in result.directions]
     return replace(result, directions=tuple(sorted(directions, key=lambda each: -each.F_ior_arcsec)))
+
+
+def _direction_with_full_cycle(result: Measurement, sweep: SweepResult) -> SweepResult:
+    """Return a direction of a measurement with F'_ior of the full cycle."""
+    cycle = full_cycle(result, sweep)
+    revolution = sweep.revolution
+    if isinstance(cycle, FullCycle):
+        # a revolution is a part of the recorded angles, but its range has another estimator, which may be larger
+        revolution = revolution.at_most(cycle.value_arcsec)
+    return replace(sweep, full_cycle=cycle, revolution=revolution)
 
 
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
