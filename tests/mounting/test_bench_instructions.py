@@ -313,7 +313,7 @@ def test_gain_of_a_value_is_computed_at_the_measured_torque() -> None:
     both = load_preset(SMALL, [*drive.origin.overrides, "operation.M_g=[4, 10]"])
     assert advise(both, positions, setup=TrialSetup(10.0), draws=8).samples.torques == there.samples.torques
     page = mount_report(there, 0).why
-    assert any("at 10 N·m in hole 0" in words and "F'_ior at 4 N·m in the hole" in words for words in page)
+    assert any("at 10 N·m in hole 0" in words and "F'_ior at 4 N·m expected in the hole" in words for words in page)
 
 
 def test_one_sample_is_no_nominal_value() -> None:

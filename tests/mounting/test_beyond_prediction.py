@@ -24,7 +24,7 @@ def warnings(*arguments: str) -> str:
 def test_check_names_a_measured_value_beyond_the_predicted_range(value: str, side: str) -> None:
     named = warnings("check", TINY, "--set", f"measured.F_ior={{h0@1: {value} ± 1}}", *OPEN)
     assert (re.search("(above|below) the range", named) is not None) == bool(side)
-    assert not side or f"{value}″ (h0@1) is {side} the range" in named
+    assert not side or f"measured.F_ior.h0@1: {value}″ is {side} the range" in named
 
 
 @pytest.mark.thorough

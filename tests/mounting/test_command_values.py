@@ -254,4 +254,4 @@ def test_required_number_of_samples_is_the_one_in_the_help():
     assert few.returncode == 5
     assert re.search(r" draws, 8 required: catalogue\.K_2 ", few.stderr), few.stderr
     words = in_a_line(run("mount", "-h").stdout)
-    assert "with F'_ior measured in holes, half of this size is sufficient. [64]" in words
+    assert "if F'_ior was measured in holes, half of this size is used. [64]" in words
