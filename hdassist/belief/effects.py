@@ -720,7 +720,11 @@ def _tested(
 
 
 def _solve_system(
-    drive: Drive, M_g: float, task: _Task, is_drawn: bool, is_tested: bool
+    drive: Drive,
+    M_g: float,
+    task: _Task,
+    is_drawn: bool,
+    is_tested: bool,
 ) -> tuple[float, float | None, Certificate]:
     """Return F'_ior of a drive with its own contact system [arcsec], as mounted and as tested, and the certificate.
 
@@ -740,14 +744,23 @@ def _solve_system(
         return F_ior[0], None, proof
     load = ACCURACY_LOAD * drive.rated_torque
     maps = {error_map.M_g: error_map for error_map in error_maps(drive, [*dict.fromkeys((M_g, load))])}
-    F_ior, proof = searched(maps[M_g], drive, [{}], is_drawn=is_drawn)
+    F_ior, proof = searched(
+        maps[M_g],
+        drive,
+        [{}],
+        is_drawn=is_drawn,
+    )
     direction = turned_directions(drive, 0.0 if no_hole_better(drive) else task.tested_deg)
     tested, of_test = _as_tested(maps[load], drive, [direction], task.test_start, is_drawn)
     return F_ior[0], tested[0], proof + of_test
 
 
 def _as_tested(
-    error_map: ErrorMap, drive: Drive, changes: Sequence[Mapping[str, float]], start: float, is_drawn: bool
+    error_map: ErrorMap,
+    drive: Drive,
+    changes: Sequence[Mapping[str, float]],
+    start: float,
+    is_drawn: bool,
 ) -> tuple[list[float], Certificate]:
     """Return the manufacturer's readings of a drive with each of several changes [arcsec], and the certificate.
 

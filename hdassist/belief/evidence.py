@@ -201,7 +201,13 @@ def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> t
     )
     segments = (result.weaker(segment) for segment in (1, 2, 3))
     values = (*segments, result.lost_motion_arcsec, result.play_arcsec)
-    return dict(zip(STIFFNESS_FIGURES, values, strict=True)), result.certificate
+    return dict(
+        zip(
+            STIFFNESS_FIGURES,
+            values,
+            strict=True,
+        )
+    ), result.certificate
 
 
 def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float]) -> float:
@@ -341,7 +347,13 @@ def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKin
     kinds = []
     for misfit in MISFITS:
         for noise, log_noise in log_noises.items():
-            kinds.append(ErrorKind(misfit=misfit, noise=noise, log_share=log_noise - log_total))
+            kinds.append(
+                ErrorKind(
+                    misfit=misfit,
+                    noise=noise,
+                    log_share=log_noise - log_total,
+                )
+            )
     share_of_one = (1 - none_misread) / max(values, 1) / len(MISFITS)
     log_share = np.log(share_of_one)
     for misread in range(values):

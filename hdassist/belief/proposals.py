@@ -280,7 +280,11 @@ def tabled_errors(
 
 
 def _tested(
-    error_map: ErrorMap, table: ErrorTable, columns: Mapping[str, Array], F_ior: Array, seed: Sequence[int]
+    error_map: ErrorMap,
+    table: ErrorTable,
+    columns: Mapping[str, Array],
+    F_ior: Array,
+    seed: Sequence[int],
 ) -> Array:
     """Return the readings of an accuracy test [arcsec], shape (draws,).
 
@@ -295,7 +299,11 @@ def _tested(
     return table.ranges(columns, position_states(error_map, positions, starts))
 
 
-def _tables(maps: Sequence[ErrorMap], columns: Mapping[str, Array], mesh: Mesh) -> list[ErrorTable]:
+def _tables(
+    maps: Sequence[ErrorMap],
+    columns: Mapping[str, Array],
+    mesh: Mesh,
+) -> list[ErrorTable]:
     """Return tables of the error, one per torque, that span the largest deviations of the draws."""
     # the table spans the largest drawn size in any direction
     largest = {path: float(values.max()) for path, values in columns.items() if path in deviation_sizes()}
@@ -319,7 +327,9 @@ def _compared_columns(
 
 
 def _log_missed(
-    maps: Sequence[ErrorMap], tables: Sequence[ErrorTable], columns: Mapping[str, Array]
+    maps: Sequence[ErrorMap],
+    tables: Sequence[ErrorTable],
+    columns: Mapping[str, Array],
 ) -> tuple[Array, Certificate]:
     """Return the log ratio of exact F'_ior to that of the tables, shape (torques, drives), and the certificate.
 

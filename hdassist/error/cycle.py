@@ -463,7 +463,15 @@ def limits_left(
     """
     limits = [drive.limit(M_g) for M_g in torques]
     # the self error is needed only if there is a limit
-    self_errors = self_error(drive, torques, run=run) if any(limits) else []
+    self_errors = (
+        self_error(
+            drive,
+            torques,
+            run=run,
+        )
+        if any(limits)
+        else []
+    )
     certificate = sum((error.certificate for error in self_errors), EMPTY)
     # a limit applies to the measured range, which contains the self error; the difference is left for F'_ior
     rooms = [None if limit is None else limit - error.range_arcsec for limit, error in zip_longest(limits, self_errors)]

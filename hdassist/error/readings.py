@@ -43,7 +43,11 @@ def ranges_as_tested(
     return np.ptp(readings, axis=1), answers.certificate
 
 
-def position_states(error_map: ErrorMap, positions: int, starts: Array) -> States:
+def position_states(
+    error_map: ErrorMap,
+    positions: int,
+    starts: Array,
+) -> States:
     """Return the states nearest to evenly spaced positions over an output revolution, test by test.
 
     Args:

@@ -77,7 +77,12 @@ class _PredictedValue:
     high_arcsec: float
 
     @classmethod
-    def after(cls, posterior: HolePosterior, place: int, trial: Trial) -> _PredictedValue:
+    def after(
+        cls,
+        posterior: HolePosterior,
+        place: int,
+        trial: Trial,
+    ) -> _PredictedValue:
         """Return the prediction of a value of a trial from other values.
 
         Args:
@@ -91,7 +96,11 @@ class _PredictedValue:
         predicted = posterior.F_ior_by_torque[M_g][:, place]
         read = predicted + normals * posterior.noise * samples.noise([trial])
         low, high = np.quantile(read, (0.025, 0.975)).tolist()
-        return cls(mean_arcsec=float(predicted.mean()), low_arcsec=low, high_arcsec=high)
+        return cls(
+            mean_arcsec=float(predicted.mean()),
+            low_arcsec=low,
+            high_arcsec=high,
+        )
 
 
 @dataclass(frozen=True)
@@ -390,7 +399,12 @@ class Advice:
         """Prediction of the outcome in the chosen hole, as used for its verification; None without values."""
         if not self.after:
             return None
-        trial = Trial(self.chosen.rotation_deg, 0.0, M_g=self.outcome_torque, noise_arcsec=self.setup.noise_arcsec)
+        trial = Trial(
+            self.chosen.rotation_deg,
+            0.0,
+            M_g=self.outcome_torque,
+            noise_arcsec=self.setup.noise_arcsec,
+        )
         return _PredictedValue.after(self.after, self.decision.best, trial)
 
     @property
@@ -442,7 +456,12 @@ class Advice:
 
 
 def advice_states(
-    drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None, trials: bool = False
+    drive: Drive,
+    positions: int,
+    *,
+    draws: int,
+    measured: MeasuredTeeth | None = None,
+    trials: bool = False,
 ) -> int:
     """Return the approximate number of states solved for an advice, for the progress bar."""
     cycle = Kinematics.of(drive).cycle_states
@@ -484,13 +503,35 @@ def advise(
     Raises UsageError for invalid positions, UntrustedError if a result cannot be trusted.
     """
     setup = setup or TrialSetup(min(drive.operation.M_g, key=abs))
-    prediction = _Prediction.of(drive, rotations_deg, measured, setup.M_g, draws=draws, sure=sure, run=run)
+    prediction = _Prediction.of(
+        drive,
+        rotations_deg,
+        measured,
+        setup.M_g,
+        draws=draws,
+        sure=sure,
+        run=run,
+    )
     # with tables, more samples agree with measured values
     if prediction.has_few_samples and measured_errors(drive):
-        by_values = advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+        by_values = advise_after(
+            drive,
+            (),
+            setup,
+            draws=draws,
+            sure=sure,
+            cost=cost,
+            worth=worth,
+            run=run,
+        )
         return replace(by_values, more_certificate=by_values.more_certificate + prediction.superseded_certificate)
     decisions = prediction.decisions(sure)
-    advice = prediction.advice(decisions.deciding, setup, sure=sure, worth=worth)
+    advice = prediction.advice(
+        decisions.deciding,
+        setup,
+        sure=sure,
+        worth=worth,
+    )
     has_any_direction = bool(advice.unknown and unknown_turn(prediction.assumed_drive))
     all_alike = bool(advice.no_hole_better) or (has_any_direction and not measured_errors(drive))
     return _with_first_value(advice, decisions.with_rules(cost, all_alike), prediction.torques, run.seed)
@@ -540,13 +581,26 @@ class _Prediction:
         positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
         is_drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
         # the cross-checks of the curve run in parallel with the sampling
-        curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=is_drawn, run=run)
+        curve, checked = begun_curve(
+            drive,
+            torques,
+            rotations_deg,
+            measured=measured,
+            drawn=is_drawn,
+            run=run,
+        )
         rooms = limits_left(drive, torques, run)
         drawn = None
         if is_drawn:
             sampled_deg = sorted({0.0, *positions})
             sampling: Any = {"rotations_deg": sampled_deg, "other_torques": other_torques, "draws": draws}
-            drawn = _drawn_samples(prior, rooms.arcsec, **sampling, sure=sure, run=run)
+            drawn = _drawn_samples(
+                prior,
+                rooms.arcsec,
+                **sampling,
+                sure=sure,
+                run=run,
+            )
         return cls(
             drive=drive,
             measured=measured,
@@ -593,7 +647,14 @@ class _Prediction:
         deciding = of_all_torques.of_torques(slice(len(self.drive.operation.M_g)))
         return _PresetDecisions(deciding=deciding, of_all_torques=of_all_torques)
 
-    def advice(self, decision: Decision, setup: TrialSetup, *, sure: float, worth: float) -> Advice:
+    def advice(
+        self,
+        decision: Decision,
+        setup: TrialSetup,
+        *,
+        sure: float,
+        worth: float,
+    ) -> Advice:
         """Return the advice of a decision, after the cross-checks of the curve are finished.
 
         Args:
@@ -639,7 +700,12 @@ class _PresetDecisions:
         )
 
 
-def _with_first_value(advice: Advice, decisions: _PresetDecisions, torques: tuple[float, ...], seed: int) -> Advice:
+def _with_first_value(
+    advice: Advice,
+    decisions: _PresetDecisions,
+    torques: tuple[float, ...],
+    seed: int,
+) -> Advice:
     """Return the advice with its decision and with the gain expected from measuring further values, before any trial.
 
     Args:
@@ -674,12 +740,24 @@ def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **opt
     try:
         samples = drive_samples(prior, room_arcsec, **options)
     except UntrustedError as refusal:
-        return _Drawn(samples=None, fault=refusal.message, certificate=EMPTY)
+        return _Drawn(
+            samples=None,
+            fault=refusal.message,
+            certificate=EMPTY,
+        )
     # the percentiles of a single sample would be those of a random drive
     if samples and len(samples.of_ranges.weights) < 2:
         fault = "one sample of the uncertain inputs has no range"
-        return _Drawn(samples=None, fault=fault, certificate=samples.certificate)
-    return _Drawn(samples=samples, fault="", certificate=EMPTY)
+        return _Drawn(
+            samples=None,
+            fault=fault,
+            certificate=samples.certificate,
+        )
+    return _Drawn(
+        samples=samples,
+        fault="",
+        certificate=EMPTY,
+    )
 
 
 def advise_after(
@@ -714,11 +792,23 @@ def advise_after(
     Raises UsageError without any value, and the errors of hole_samples.
     """
     all_trials = _all_trials(drive, trials, outcome, setup)
-    by_values = _PosteriorOfTrials.of(drive, all_trials, setup, samples, draws=draws, run=run)
+    by_values = _PosteriorOfTrials.of(
+        drive,
+        all_trials,
+        setup,
+        samples,
+        draws=draws,
+        run=run,
+    )
     after = by_values.after
     rooms = limits_left(drive, drive.operation.M_g, run)
     decision = after.decision(drive.operation.M_g, rooms.arcsec, cost)
-    likelier = by_values.likelier_torque(drive, other_torques, draws=draws, run=run)
+    likelier = by_values.likelier_torque(
+        drive,
+        other_torques,
+        draws=draws,
+        run=run,
+    )
     noise_arcsec = after.noise * setup.noise_arcsec  # noise of each sample, shape (samples,)
     advice = Advice(
         drive=drive,
@@ -737,7 +827,12 @@ def advise_after(
     return _with_outcome(advice, by_values) if outcome else advice
 
 
-def _all_trials(drive: Drive, trials: Sequence[Trial], outcome: Trial | None, setup: TrialSetup) -> tuple[Trial, ...]:
+def _all_trials(
+    drive: Drive,
+    trials: Sequence[Trial],
+    outcome: Trial | None,
+    setup: TrialSetup,
+) -> tuple[Trial, ...]:
     """Return the values of a preset and those of a call in order, with the outcome last.
 
     Raises UsageError if there is no value other than the outcome.
@@ -793,11 +888,23 @@ class _PosteriorOfTrials:
         # the reference torque depends on the values, not on the way they are entered
         common = replace(setup, M_g=min(trial_torques, key=lambda M_g: (abs(M_g), M_g)))
         if samples is None:
-            samples = hole_samples(drive, (*drive.operation.M_g, *trial_torques), common, draws=draws, run=run)
+            samples = hole_samples(
+                drive,
+                (*drive.operation.M_g, *trial_torques),
+                common,
+                draws=draws,
+                run=run,
+            )
         # the wheel is at 0 deg before the first trial, which need not be a hole, and the gain refers to this position
         positions = [*_positions_with_trials(drive, trials), 0.0]
         after = posterior_of(samples.with_free_curves(values), values, positions)
-        return cls(trials=trials, values=values, setup=common, samples=samples, after=after)
+        return cls(
+            trials=trials,
+            values=values,
+            setup=common,
+            samples=samples,
+            after=after,
+        )
 
     def measurable(self, setup: TrialSetup) -> dict[float, Array]:
         """Return F'_ior in the holes [arcsec], shape (samples, holes), by the torque of a further value [N*m].
@@ -812,7 +919,14 @@ class _PosteriorOfTrials:
         ordered = (self.setup.M_g, *sorted(torques - {self.setup.M_g}))
         return {M_g: self.after.F_ior_by_torque[M_g][:, :-1] for M_g in ordered}
 
-    def likelier_torque(self, drive: Drive, other_torques: Sequence[float], *, draws: int, run: Run) -> _LikelierTorque:
+    def likelier_torque(
+        self,
+        drive: Drive,
+        other_torques: Sequence[float],
+        *,
+        draws: int,
+        run: Run,
+    ) -> _LikelierTorque:
         """Return a torque at which the values are far more probable, because the stated torque may be wrong.
 
         The torque is doubted only if the drive hardly shows the values or if one is probably misread.
@@ -831,7 +945,13 @@ class _PosteriorOfTrials:
         # a misread value is a sufficient explanation, so new torques are solved only for values that no drive shows
         if likelier_M_g or not untried or not is_unshown:
             return _LikelierTorque(M_g=likelier_M_g, certificate=EMPTY)
-        untried_samples = hole_samples(drive, untried, self.setup, draws=draws, run=run)
+        untried_samples = hole_samples(
+            drive,
+            untried,
+            self.setup,
+            draws=draws,
+            run=run,
+        )
         return _LikelierTorque(
             M_g=likelier_torque(untried_samples, self.values), certificate=untried_samples.certificate
         )
@@ -871,10 +991,21 @@ def _value(
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
     steps, first = (3, ()) if count else (_FORESEEN_VALUES, _thirds(decision.rotations_deg))
-    return value_of_measurement(decision, measurable, noise, steps=steps, first=first, seed=seed)
+    return value_of_measurement(
+        decision,
+        measurable,
+        noise,
+        steps=steps,
+        first=first,
+        seed=seed,
+    )
 
 
-def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> Verification:
+def _verified(
+    advice: Advice,
+    values: Sequence[Trial],
+    samples: HoleSamples,
+) -> Verification:
     """Return the outcome of an advice with its prediction, and the hole in which the wheel should be.
 
     The wheel goes back to the measured hole with the smallest expected loss, which takes the outcome into account. It
@@ -915,7 +1046,11 @@ def _verified(advice: Advice, values: Sequence[Trial], samples: HoleSamples) -> 
     return replace(checked, back_to=back)
 
 
-def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:
+def _of_preset(
+    drive: Drive,
+    setup: TrialSetup,
+    given: Sequence[Trial | None],
+) -> list[Trial]:
     """Return the measured values of the preset, except those that are given again."""
     known_values = {(*setup.point(trial), trial.F_ior_arcsec) for trial in given if trial}
     return [

@@ -239,7 +239,11 @@ class Decision:
 
     def _of_holes(self, values: NDArray[Any]) -> Array:
         """Return means over samples, shape (holes,); equivalent holes, which differ only by chance, get one mean."""
-        means = np.average(values, axis=0, weights=self.sample_weights)
+        means = np.average(
+            values,
+            axis=0,
+            weights=self.sample_weights,
+        )
         return np.full_like(means, means.mean()) if self.all_alike else means
 
     def gains(self, place: int) -> Array:
@@ -383,7 +387,13 @@ class Decision:
         now_arcsec = self.now_arcsec[some]
         places = self.torque_places[some]
         room = self.room_arcsec[some]
-        return replace(self, F_ior_arcsec=F_ior, now_arcsec=now_arcsec, room_arcsec=room, torque_places=places)
+        return replace(
+            self,
+            F_ior_arcsec=F_ior,
+            now_arcsec=now_arcsec,
+            room_arcsec=room,
+            torque_places=places,
+        )
 
 
 # --- gain of further values
@@ -493,7 +503,11 @@ class _Simulation:
 
     @classmethod
     def of(
-        cls, decision: Decision, measured_arcsec: Mapping[float, Array], noise_arcsec: Array, rng: np.random.Generator
+        cls,
+        decision: Decision,
+        measured_arcsec: Mapping[float, Array],
+        noise_arcsec: Array,
+        rng: np.random.Generator,
     ) -> _Simulation:
         """Return the simulation of a decision; the arguments are those of `value_of_measurement`."""
         rows = even_rows(decision.sample_weights, _LOOKED_AT)
@@ -554,7 +568,11 @@ class _Simulation:
             row[np.searchsorted(total, quantiles * total[-1])]
             for row, total in zip(self.order, cumulative, strict=True)
         ]
-        outcomes = np.take_along_axis(self.readings, np.array(picked), axis=1)
+        outcomes = np.take_along_axis(
+            self.readings,
+            np.array(picked),
+            axis=1,
+        )
         true = self.F_ior_arcsec[:, self.candidates].T
         residual = (outcomes[..., None] - true[:, None]) / self.noise_arcsec
         density = np.exp(-0.5 * residual**2) / self.noise_arcsec * weights  # shape (candidates, outcomes, samples)
@@ -562,7 +580,12 @@ class _Simulation:
         loss_of_chosen = posterior_loss[..., self.chosen_hole(weights)]
         return np.asarray((loss_of_chosen - posterior_loss.min(axis=2)).mean(axis=1))
 
-    def played(self, truth: int, planned: Sequence[int], steps: int) -> list[float]:
+    def played(
+        self,
+        truth: int,
+        planned: Sequence[int],
+        steps: int,
+    ) -> list[float]:
         """Return F'_ior of a true drive [arcsec] in the holes chosen before any value, after one value, and so on.
 
         Args:
@@ -580,7 +603,12 @@ class _Simulation:
             expected.append(self.governing_arcsec[truth, self.chosen_hole(weights)])
         return expected
 
-    def reweighed(self, weights: Array, place: int, reading: float) -> Array:
+    def reweighed(
+        self,
+        weights: Array,
+        place: int,
+        reading: float,
+    ) -> Array:
         """Return the weights after a value [arcsec] in a place, by its normal likelihood."""
         residual = (reading - self.F_ior_arcsec[:, place]) / self.noise_arcsec
         log_likelihood = -0.5 * residual**2 - np.log(self.noise_arcsec)
@@ -589,7 +617,11 @@ class _Simulation:
         return np.asarray(weights / weights.sum())
 
 
-def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> Decision:
+def as_measured(
+    decision: Decision,
+    number: int = _LOOKED_AT,
+    seed: int = 0,
+) -> Decision:
     """Return the decision over drives similar to the samples: with another scale and a smooth misfit.
 
     The samples are drives of the model, from which measured values differ (belief/evidence.py). If known inputs cannot

@@ -146,7 +146,11 @@ def named_position(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g}" if hole is None else f"h{hole}"
 
 
-def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP_DEG) -> list[float]:
+def usable_positions(
+    holes: int,
+    allowed: Sequence[int] | str,
+    free_step: float = FREE_STEP_DEG,
+) -> list[float]:
     """Return the rotations to the usable positions [deg]: the usable holes, or equal steps if the angle is free."""
     if not holes:
         return [free_step * k for k in range(round(360 / free_step))]
@@ -166,7 +170,11 @@ def rotated(drive: Drive, rotation_deg: float) -> Drive:
     return drive.with_values({path: drive.number(path) + rotation_deg for path in carried(drive)})
 
 
-def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg: float = 0.0) -> float:
+def phase_deg(
+    drive: Drive,
+    measured: MeasuredTeeth | None = None,
+    rotation_deg: float = 0.0,
+) -> float:
     """Return the direction of the fixed wheel's deviation relative to the housing-fixed eccentricity [deg], 0 to 360.
 
     For a measured fixed wheel, the direction of its mark counts. A rotation of the wheel changes the direction by the
@@ -186,7 +194,13 @@ _POSITIONS_A_TASK = 3  # number of positions searched by one task
 HOLES = 24  # largest number of positions at which every state is solved
 
 
-def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: MeasuredTeeth | None) -> bool:
+def is_searched(
+    drive: Drive,
+    positions: int,
+    *,
+    drawn: bool,
+    measured: MeasuredTeeth | None,
+) -> bool:
     """Return whether extremes at a number of positions are found by search.
 
     For a few positions every state is solved, unless inputs are sampled as well. The error of measured teeth is not
@@ -270,7 +284,12 @@ def begun_curve(
         holes=drive.mounting.holes,
         allowed=None if drive.mounting.allowed == "all" else drive.mounting.allowed,
     )
-    searched = is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured)
+    searched = is_searched(
+        drive,
+        len(rotations_deg),
+        drawn=drawn,
+        measured=measured,
+    )
     kept_answer = None if measured else _kept_curve_of(drive, curve, searched, run)
     kept = kept_answer.found() if kept_answer else None
     if kept:
@@ -298,7 +317,12 @@ def begun_curve(
     return computed, checked
 
 
-def _kept_curve_of(drive: Drive, curve: MountingCurve, searched: bool, run: Run) -> KeptAnswer[_KeptCurve] | None:
+def _kept_curve_of(
+    drive: Drive,
+    curve: MountingCurve,
+    searched: bool,
+    run: Run,
+) -> KeptAnswer[_KeptCurve] | None:
     """Return the cache entry of a curve, None if the version of its cross-check solver is unknown."""
     solver_versions = solvers_depend_on(run.cross_check)
     if solver_versions is None:
@@ -334,7 +358,12 @@ def _searched_curve(
         F_ior.append(values)
         certificate += proof
         run.solved(proof.states)
-    curve = replace(curve, F_ior_arcsec=np.hstack(F_ior), every_state=~all_places, certificate=certificate)
+    curve = replace(
+        curve,
+        F_ior_arcsec=np.hstack(F_ior),
+        every_state=~all_places,
+        certificate=certificate,
+    )
     decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & all_places
     proven, checks = _solved(curve, decisive, drives, wheels, run)
     if np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > _SEARCH_TOLERANCE:
@@ -375,14 +404,28 @@ def _solved(
     return replace(curve, F_ior_arcsec=values, every_state=curve.every_state | places, certificate=proof), checks
 
 
-def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
+def _searched(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations: Sequence[float],
+) -> tuple[Array, Certificate]:
     """Return F'_ior [arcsec] from extremes found by search, shape (torques, rotations), with their certificate."""
     extremes = [many_extremes(error_map, Batch.turned(drive, rotations)) for error_map in error_maps(drive, torques)]
     F_ior = np.array([of_torque.F_ior_arcsec for of_torque in extremes])
     return F_ior, sum((of_torque.certificate for of_torque in extremes), EMPTY)
 
 
-def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
+def _error(
+    drive: Drive,
+    teeth: ToothDeviations | None,
+    M_g: float,
+    run: Run,
+) -> tuple[float, KinematicError]:
     """Return F'_ior [arcsec], and the error in the states for the cross-check, with the certificate of all states."""
-    error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
+    error = kinematic_error(
+        drive,
+        M_g,
+        teeth=teeth,
+        run=replace(run, progress=None, cross_check=None),
+    )
     return error.F_ior_arcsec, error.sampled(_SAMPLED_STATES, run.seed)

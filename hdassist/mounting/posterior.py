@@ -82,10 +82,18 @@ class Trial:
     F_ior_arcsec: float
     M_g: float | None = field(default=None, kw_only=True)
     noise_arcsec: float | None = field(default=None, kw_only=True)
-    file: str = field(default="", kw_only=True, compare=False)
+    file: str = field(
+        default="",
+        kw_only=True,
+        compare=False,
+    )
 
 
-def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
+def read_trial(
+    text: str,
+    holes: int,
+    allowed: Sequence[int] | str = "all",
+) -> Trial:
     """Parse a trial: 120=17.3 (degrees), h4=17.3 (a hole of the seat) or h4@80=17.3 (with a torque in N*m).
 
     A decimal comma is accepted, as in all values of the command line, because the Russian card prints 17,3.
@@ -104,7 +112,10 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
 
 
 def _read_trial_position(
-    name: str, text: str, holes: int, allowed: Sequence[int] | str = "all"
+    name: str,
+    text: str,
+    holes: int,
+    allowed: Sequence[int] | str = "all",
 ) -> tuple[float, float | None]:
     """Return the rotation [deg] and torque [N*m] of the position in a trial's text; the torque is None without @80.
 
@@ -130,7 +141,12 @@ def _read_trial_position(
 
 
 def read_trial_or_record(
-    text: str, drive: Drive, reading: Reading, M_g: float, seed: int = 0, allowed: Sequence[int] | str = "all"
+    text: str,
+    drive: Drive,
+    reading: Reading,
+    M_g: float,
+    seed: int = 0,
+    allowed: Sequence[int] | str = "all",
 ) -> Trial:
     """Parse h4=17.3 as read_trial does, or h4=run.csv, a recording of the drive's error over its full cycle.
 
@@ -148,7 +164,12 @@ def read_trial_or_record(
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (not is_number and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation, own_torque = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
-    record = reading.measured(file, drive, seed=seed, M_g=M_g if own_torque is None else own_torque)
+    record = reading.measured(
+        file,
+        drive,
+        seed=seed,
+        M_g=M_g if own_torque is None else own_torque,
+    )
     greatest = with_full_cycle(record).directions[0]  # value and uncertainty as in the result of measure
     if greatest.is_bound and (covered := greatest.coverage):
         turns = covered.cam_turns
@@ -159,7 +180,13 @@ def read_trial_or_record(
             "record the full mesh cycle in one sweep",
         )
     noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
-    return Trial(rotation, greatest.F_ior_arcsec, M_g=own_torque, noise_arcsec=noise_arcsec, file=file)
+    return Trial(
+        rotation,
+        greatest.F_ior_arcsec,
+        M_g=own_torque,
+        noise_arcsec=noise_arcsec,
+        file=file,
+    )
 
 
 _Places = NDArray[np.int64]
@@ -340,7 +367,12 @@ class HoleSamples:
         # only direction 0 has a weight, because a turned curve is another curve
         curve_weight[:, 0] = np.concatenate([_FREE_SHARE * smooth_weights, _PHASOR_SHARE * phasor_weights])
         weight = np.vstack([sample_weight, curve_weight])
-        return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
+        return replace(
+            self,
+            F_ior_by_torque=F_ior,
+            weight=weight,
+            values=values,
+        )
 
     def _free_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
         """Return curves near the values, at the torque of the setup, and their weights, shape (_FREE_CURVES,).
@@ -442,7 +474,11 @@ def _log_phasor_prior(numbers: Array) -> Array:
 
 
 def _numbers_near(
-    basis: Array, y: Array, covariances: Array, kinds: Sequence[ErrorKind], rng: np.random.Generator
+    basis: Array,
+    y: Array,
+    covariances: Array,
+    kinds: Sequence[ErrorKind],
+    rng: np.random.Generator,
 ) -> tuple[Array, Array]:
     """Return normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and their weights.
 
@@ -459,7 +495,11 @@ def _numbers_near(
 
     total = basis @ basis.T + covariances
     log = log_shown(y[None], total)[:, 0]
-    kind = rng.choice(len(log), _FREE_CURVES, p=softmax(log))
+    kind = rng.choice(
+        len(log),
+        _FREE_CURVES,
+        p=softmax(log),
+    )
     numbers, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
     off = y[:, None] - basis @ numbers - np.linalg.cholesky(covariances)[kind] @ error
     numbers = (numbers + basis.T @ np.linalg.solve(total[kind], off))[..., 0]  # Matheron's rule
@@ -516,7 +556,12 @@ class HolePosterior:
             return None, None
         return float(np.degrees(np.angle(mean)) % 360), spread
 
-    def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
+    def decision(
+        self,
+        torques: Sequence[float],
+        room_arcsec: Sequence[float | None],
+        cost: float,
+    ) -> Decision:
         """Return the decision among the rotations except the last one, which is 0.
 
         torques: torques of the decision [N*m].
@@ -549,7 +594,10 @@ class _ErrorDraws:
 
 
 def posterior_of(
-    samples: HoleSamples, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Sequence[ErrorKind] = ()
+    samples: HoleSamples,
+    trials: Sequence[Trial],
+    rotations_deg: Sequence[float],
+    kinds: Sequence[ErrorKind] = (),
 ) -> HolePosterior:
     """Return posterior draws of F'_ior in positions, given any number of values: Trials 4 in docs/theory.md.
 
@@ -587,14 +635,24 @@ def posterior_of(
         noise=noise,
         scale=scale,
         rotations_deg=tuple(rotations_deg),
-        F_ior_by_torque=dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True)),
+        F_ior_by_torque=dict(
+            zip(
+                torques,
+                np.split(F_ior, len(torques), axis=1),
+                strict=True,
+            )
+        ),
         effective=drawn.effective,
         misread=np.array([drawn.kind_weight[misread_trial == k].sum() for k in range(len(trials))]),
     )
 
 
 def _drawn_errors(
-    samples: HoleSamples, points: Sequence[Point], measured: Array, stated: Array, kinds: Sequence[ErrorKind]
+    samples: HoleSamples,
+    points: Sequence[Point],
+    measured: Array,
+    stated: Array,
+    kinds: Sequence[ErrorKind],
 ) -> _ErrorDraws:
     """Draw kinds of error and samples by their likelihood, _POSTERIOR_DRAWS at even quantiles.
 
@@ -628,7 +686,9 @@ def _drawn_errors(
 
 
 def _posterior_normals(
-    samples: HoleSamples, points: Sequence[Point], spread_shape: tuple[int, ...]
+    samples: HoleSamples,
+    points: Sequence[Point],
+    spread_shape: tuple[int, ...],
 ) -> tuple[Array, Array, Array]:
     """Draw normal numbers for the scale, for the misfit at points, and for the errors of the values.
 
@@ -730,7 +790,12 @@ def hole_samples(
     )
 
 
-def _system_samples(drive: Drive, systems: DrivePrior, count: int, run: Run) -> Samples:
+def _system_samples(
+    drive: Drive,
+    systems: DrivePrior,
+    count: int,
+    run: Run,
+) -> Samples:
     """Draw samples of the fields of the contact systems, which are all fields except deviations.
 
     Args:
@@ -756,7 +821,9 @@ def _system_samples(drive: Drive, systems: DrivePrior, count: int, run: Run) -> 
 
 
 def _solved_tables(
-    samples: Samples, solve: Callable[[int, Mapping[str, float]], TabledErrors | None], run: Run
+    samples: Samples,
+    solve: Callable[[int, Mapping[str, float]], TabledErrors | None],
+    run: Run,
 ) -> tuple[list[float], list[TabledErrors]]:
     """Solve the errors of each system.
 
