@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hdassist.run.kept import Kept
 
 
-_MOST_READINGS = 1_000_000  # largest number of readings of a test; a record with more rows could not be read
+_MOST_READINGS = 1_000_000  # largest number of readings in a test; a recording with more rows could not be read
 
 
 class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
@@ -74,9 +74,9 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     beside = ("csv", "approach", "sheet")
 
     def plan(self, drive: Drive) -> ReadingPlan | None:
-        """Return the test to judge for a drive, None if no test is given.
+        """Return the requested test of a drive, None if none is requested.
 
-        Raises UsageError for options that need a test.
+        Raises UsageError if other options need a test.
         """
         from hdassist.planning import ReadingPlan
 
@@ -88,7 +88,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         return None
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report of the judged tests of a drive."""
+        """Return the report on the tests of a drive, and write the requested files."""
         from hdassist.design import check_states
         from hdassist.model.geometry import Kinematics
         from hdassist.pages.plan import plan_report
@@ -129,7 +129,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError(message, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
 
     def _write_files(self, choice: PlanChoice) -> None:
-        """Write the file of positions and the test sheet, as far as they are requested."""
+        """Write the requested files: the positions, and the test sheet."""
         from hdassist.pages.plan import approach_csv, sheet_report
         from hdassist.pages.report import blocks_text, report_html
 
@@ -170,10 +170,10 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return begins_with(path, (FIGURES_HEAD, SUITES_HEAD))
 
     def open(self) -> Output:
-        """Return the output.
+        """Return the output, after claiming its files.
 
-        Raises UsageError if two outputs share a destination or a file exists already, DataError if a file cannot be
-        written.
+        Raises UsageError if two results have the same destination or a file exists already, DataError if a file cannot
+        be written.
         """
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
@@ -182,9 +182,9 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         return super().open()
 
     def _take_results(self, path: str) -> None:
-        """Reserve the file for the results of a lot.
+        """Claim the file for the results of a lot.
 
-        Raises UsageError or DataError; the hint for an existing file offers to keep its results.
+        Raises UsageError or DataError; for an existing file, the hint explains how to keep its results.
         """
         try:
             take_output(path, self.force, is_kept=self.resume)
@@ -233,7 +233,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     cross_check: str = "highs"
 
     def run(self) -> int:
-        """Accept the drives or the lot, or replay stored results; return the exit code."""
+        """Accept drives or a lot, or replay stored results, and return the exit code."""
         out = self.open()
         with out.progress(self.presets[0] if self.presets else self.replay or ""):  # shown before numpy is imported
             from hdassist.acceptance.request import Request, is_lot
@@ -259,14 +259,18 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
 
     def _require_drives(self, lots: Sequence[str]) -> None:
-        """Raise UsageError unless there are drives, a single lot or a replay; lots: lots among the arguments."""
+        """Raise UsageError unless drives, a single lot or a replay are given; lots: lots among the arguments."""
         if not self.presets and self.replay is None:
             raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
             raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
 
     def _require_inputs_of_drives(self, lots: Sequence[str], base: Request) -> None:
-        """Raise UsageError for inputs of one drive if there are several, or for options of a lot if there is none."""
+        """Raise UsageError for inputs of one drive with several drives, or for options of a lot without a lot.
+
+        lots: lots among the arguments.
+        base: request that is common to all drives.
+        """
         of_one = self.measured or self.value or self.serial or base.wheels.files or base.wheels.marks
         if (len(self.presets) > 1 or lots) and of_one:
             raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
@@ -302,9 +306,9 @@ def _accept_presets(
     options: AcceptCommand,
     out: Output,
 ) -> int:
-    """Accept drives one after the other, and return the exit code.
+    """Accept drives in sequence, and return the exit code.
 
-    Raises the error of a drive if it is the only one, and UsageError for any drive.
+    Raises the error of a single drive. With several drives, only a UsageError is raised.
     """
     from hdassist.acceptance.accept import failure_of
     from hdassist.acceptance.answer import answer_json
@@ -337,7 +341,7 @@ def _accept_preset(
     options: AcceptCommand,
     out: Output,
 ) -> tuple[AcceptAnswer, Report]:
-    """Return the result of one drive and its report."""
+    """Return the acceptance result of one drive, and the report on it."""
     from hdassist.acceptance.accept import accept
     from hdassist.design import check_states
     from hdassist.pages.accept import accept_report
@@ -394,9 +398,9 @@ class _LotAcceptance:
     options: options of the command.
     out: destination of the results.
     name: name of the lot in reports.
-    sha256: SHA-256 of its file, empty before the file is read.
+    sha256: SHA-256 of the lot's file, empty before the file is read.
     answers: results of the rows so far, in order.
-    faults: number of rows with each error.
+    faults: number of rows with each error message.
     """
 
     base: Request
@@ -408,7 +412,7 @@ class _LotAcceptance:
     faults: Counter[str] = field(default_factory=Counter)
 
     def report_of(self, path: str) -> Report:
-        """Compute all rows of the lot in a file, and return its report. Raises the errors of accept_lot."""
+        """Compute all rows of the lot in a file, and return the report on the lot. Raises the errors of accept_lot."""
         from hdassist.acceptance.answer import ANSWERS
         from hdassist.acceptance.request import read_lot
         from hdassist.pages.accept import lot_report
@@ -422,7 +426,7 @@ class _LotAcceptance:
             for file in row.request.files():
                 note_input(file)
         options = self.options
-        owner = KeptOwner(command="accept", inputs={})  # each result states its own input files
+        owner = KeptOwner(command="accept", inputs={})  # no common inputs, because each result states its own files
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
             stored: list[AcceptAnswer | None] = [None for _ in lot.rows]
             if options.resume:
@@ -432,7 +436,7 @@ class _LotAcceptance:
             if repeated:
                 say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
-                kept.rewrite(self.answers)  # the file then has one result per row, in order
+                kept.rewrite(self.answers)  # leaves one result per row in the file, in order
         if options.jsonl:
             say(f"wrote {options.jsonl}")
         return lot_report(lot, self.answers)
@@ -443,10 +447,10 @@ class _LotAcceptance:
         stored: Sequence[AcceptAnswer | None],
         kept: Kept[AcceptAnswer],
     ) -> None:
-        """Collect the results of all rows in order; new results are stored immediately.
+        """Collect the results of all rows in order, and store each new result immediately.
 
         lot: lot with its rows.
-        stored: usable result of an earlier run for each row, None if there is none.
+        stored: valid result of an earlier run for each row, None if there is none.
         kept: file of stored results.
         """
         stored_count = sum(answer is not None for answer in stored)
@@ -467,7 +471,7 @@ class _LotAcceptance:
                 self._take(answer)
 
     def _take(self, answer: AcceptAnswer) -> None:
-        """Add the result of a row; each error is shown only the first time that it occurs."""
+        """Add the result of a row, and show its error unless the same error was shown before."""
         from hdassist.pages.accept import fault_words, title
 
         self.answers.append(answer)
@@ -488,10 +492,10 @@ def _give(
     out: Output,
     lot_sha256: str = "",
 ) -> int:
-    """Write the reports, and their results as CSV and JUnit if requested; return the exit code.
+    """Write the reports and the requested CSV and JUnit files, and return the exit code.
 
-    name: name of the JUnit file as a whole.
-    lot_sha256: SHA-256 of the table of a lot, empty if there is none.
+    name: name of all results in the JUnit file.
+    lot_sha256: SHA-256 of the file of a lot, empty if there is no lot.
     """
     from hdassist.pages.accept import csv, junit
 
@@ -507,9 +511,9 @@ def _known(
     kept: Kept[AcceptAnswer],
     options: AcceptOptions,
 ) -> list[AcceptAnswer | None]:
-    """Return the stored result of each row, None if there is none or if it is outdated.
+    """Return the stored result of each row, None if there is none or if its inputs have changed.
 
-    Raises UsageError if there are stored results, but none belongs to a drive of this lot.
+    Raises UsageError if none of the stored results belongs to a drive of this lot, except with --force.
     """
     from hdassist.acceptance.answer import still_stands
 
@@ -535,9 +539,9 @@ def _replay_answers(
     options: AcceptOptions,
     out: Output,
 ) -> int:
-    """Replay the results stored in a file of --json or --jsonl; return the exit code.
+    """Replay the results in a file written by --json or --jsonl, and return the exit code.
 
-    Raises DataError if there is no such file.
+    Raises DataError if the file cannot be read.
     """
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
@@ -568,7 +572,7 @@ def _answers(
     options: AcceptOptions,
     out: Output,
 ) -> Generator[AcceptAnswer, None, None]:
-    """Yield the results of rows in order, as soon as they are computed; words: text next to the progress bar."""
+    """Yield the result of each row in order, as soon as it is computed; words: text beside the progress bar."""
     from hdassist.acceptance.accept import answer_rows
     from hdassist.run.run import stream
 

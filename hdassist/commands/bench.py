@@ -115,7 +115,7 @@ class MountCommand(
         return code
 
     def _card(self, out: Output) -> CardFile | None:
-        """Return the requested card, None if there is none. Raises UsageError before any computation."""
+        """Return the requested card, None if none is requested. Raises UsageError for invalid options of the card."""
         if (path := self.card) is None:
             if self.lang is not None or self.serial is not None:
                 raise UsageError("--lang and --serial apply to a card only", "add --card FILE")
@@ -135,11 +135,11 @@ class MountCommand(
         )
 
     def _advice(self, out: Output) -> Advice:
-        """Return the choice of a hole, from the preset alone or with values measured in holes."""
+        """Return the choice of a hole, based on the preset and, if there are any, on values measured in holes."""
         files = self.wheels_of_one([self.preset])
         drive = self.load(self.preset)
         reading = self.reading()
-        # the imports below are slow, so errors in options and files are reported before them
+        # errors in options and files are reported before these slow imports
         from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
         trial_M_g = self.torque_of(drive.operation.M_g)
@@ -183,10 +183,10 @@ class MountCommand(
         outcome: Trial | None,
         setup: TrialSetup,
     ) -> Advice:
-        """Return the choice after measured values.
+        """Return the choice of a hole that takes measured values into account.
 
         trials: measured values.
-        outcome: value measured in the hole chosen by the trials, None if there is none.
+        outcome: value measured after bolting in the chosen hole, None if there is none.
         setup: torque and noise of the values.
         """
         from hdassist.mounting.advice import advice_states, advise_after
@@ -219,7 +219,11 @@ class MountCommand(
         measured: MeasuredTeeth | None,
         setup: TrialSetup,
     ) -> Advice:
-        """Return the choice from the preset alone; measured: measured teeth, which replace harmonics."""
+        """Return the choice of a hole without measured values.
+
+        measured: measured teeth of the wheels, None if there are none.
+        setup: torque and noise of future values.
+        """
         from hdassist.mounting.advice import advice_states, advise
 
         rotations = _rotations(drive, self.step)
@@ -285,9 +289,9 @@ class CardFile:
     """Requested assembly card.
 
     path: destination of the card; - is standard output.
-    say: texts of its language.
+    say: texts in the language of the card.
     serial: serial number of the drive.
-    ascii: whether a card in plain text has 7-bit characters only.
+    ascii: whether a card in plain text is limited to 7-bit characters.
     force: whether an existing file is overwritten.
     Raises UsageError for an invalid file name or serial number.
     """
@@ -310,7 +314,7 @@ class CardFile:
         return ".txt" if self.path == "-" else Path(self.path).suffix.lower()
 
     def text(self, advice: Advice) -> str:
-        """Return the card of a choice in the format of its file."""
+        """Return the card for a choice of a hole, in the format given by the suffix of the card's file."""
         from hdassist.pages.card import card_of
         from hdassist.pages.mount import mount_warnings
         from hdassist.pages.report import card_html, card_text
@@ -335,7 +339,7 @@ class ArchiveOptions(o.OptionGroup):
     history: str | None = None
 
     def archiving(self, files: Sequence[str]) -> Callable[[Measurement], None]:
-        """Return the function that stores a result in the archive, if there is one.
+        """Return the function that stores a result in the archive; without an archive, it does nothing.
 
         Raises UsageError for options that cannot be combined.
         """
@@ -358,7 +362,7 @@ class ArchiveOptions(o.OptionGroup):
         return take
 
     def history_report(self, serial: str) -> Report:
-        """Return the report on the changes of a drive in the archive."""
+        """Return the report on the stored results of a drive in the archive."""
         from hdassist.measuring.archive import is_cut_off, read_archive
         from hdassist.pages.measure import history_report
 
@@ -414,7 +418,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             drive = load_preset(self.preset) if self.preset is not None else None
             form = self.reading()
             form.require_sound()
-            gearing_of(drive, self.ratio)  # refuses a wrong ratio before any file is read
+            gearing_of(drive, self.ratio)  # raises an error for an invalid ratio before any file is read
             shafts = parse_shafts(self.shafts)
             joints = [LoggedJoint.of(text) for text in self.joint]
             if joints and (drive or self.ratio or self.archive):
@@ -443,7 +447,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         return give("measure", reports, out, more=repeat_values, below=lines)
 
     def require_recording(self, name: str) -> None:
-        """Raise UsageError if an archive is requested for positions or torque loops; name: name of their file."""
+        """Raise UsageError if positions or torque loops are to be stored in an archive; name: name of their file."""
         if self.archive:
             raise UsageError(
                 f"{name}: positions and torque loops cannot be stored in an archive",
@@ -451,7 +455,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             )
 
     def next_options(self, joint: LoggedJoint | None) -> list[str]:
-        """Return the options by which a recording, or a joint in it, was read, for the next command."""
+        """Return the options that the next command needs to read a recording, or a joint in it, in the same way."""
         options = self.words_of_reading()
         if self.seed:
             options.append(self.typed("seed", self.seed))
@@ -462,13 +466,13 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
 @dataclass(eq=False)
 class _MeasureSession:
-    """Inputs that the recordings of one call of `hdassist measure` share, and their results so far.
+    """Shared inputs of the recordings in one call of `hdassist measure`, and the results so far.
 
     options: options of the command.
     form: options for reading recordings.
     drive: drive of the recordings, None if it is unknown.
-    shafts: stated shafts, whose components are determined.
-    take: function that is called with each result.
+    shafts: stated shafts whose components are to be determined.
+    take: function that stores each result.
     joints: file and joint of each recording, by name; empty without --joint.
     measurements: results so far.
     """
@@ -482,7 +486,7 @@ class _MeasureSession:
     measurements: list[Measurement] = field(default_factory=list)
 
     def report_of(self, name: str) -> Report:
-        """Return the report on a recording; name: its file, or its file and joint."""
+        """Return the report on a file or a joint; name: the file, or a key of joints."""
         from hdassist.measuring.full_cycle import with_full_cycle
         from hdassist.measuring.measure import Measurement
         from hdassist.pages.measure import bench_report, measure_report
@@ -501,7 +505,10 @@ class _MeasureSession:
         return _of_joint(report, joint.name, name) if joint else report
 
     def _read(self, file: str, joint: LoggedJoint | None) -> Measurement | PositionRecord | LoopRecord:
-        """Return the evaluated recording of a file or of a joint in it, or the positions or torque loops of a file."""
+        """Return the measurement from a recording in a file, or the positions or torque loops in the file.
+
+        joint: joint whose columns are evaluated; None for a file with one recording.
+        """
         travel_deg = self.options.travel or (self.drive and self.drive.acceptance.travel)
         if joint is None:
             return self.form.measured_or_bench(
@@ -527,10 +534,10 @@ def _of_joint(
     joint: str,
     about: str,
 ) -> Report:
-    """Return the report on a recording, labelled as the report on a joint.
+    """Return a report on a recording with the name of its joint added.
 
     joint: name of the joint.
-    about: file and joint.
+    about: name of the file and of the joint.
     """
     values = {"joint": joint, **report.values}
     return replace(
@@ -552,10 +559,10 @@ class ControllerOptions(o.OptionGroup):
     steps_per_degree: float = 0.0
 
     def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
-        """Return the requested controller and its file, None if there is none; form: form of the correction.
+        """Return the requested controller and its file, None if none is requested; form: form of the correction.
 
-        Raises UsageError for an unknown controller or a form that it cannot store, and the errors of `take_output` for
-        the file.
+        Raises UsageError for an unknown controller, or for a form that the controller cannot store, and the errors of
+        `take_output` for the file.
         """
         from hdassist.correction.backlash import BACKLASH_FORMATS, NO_COMPENSATION
         from hdassist.correction.writers import CONTROLLER_FORMATS
@@ -589,9 +596,9 @@ class ControllerOptions(o.OptionGroup):
         return controller, path
 
     def backlash_target(self, *, force: bool) -> tuple[BacklashFormat, str] | None:
-        """Return the requested controller and its file if it compensates backlash only; None otherwise.
+        """Return the requested controller and its file if the controller compensates only backlash, or else None.
 
-        Raises UsageError for options that a backlash setting does not need, and the errors of `take_output` for the
+        Raises UsageError for options that do not apply to a backlash setting, and the errors of `take_output` for the
         file.
         """
         from hdassist.correction.backlash import BACKLASH_FORMATS
@@ -612,7 +619,7 @@ class ControllerOptions(o.OptionGroup):
         *,
         force: bool,
     ) -> None:
-        """Write the controller file of a correction, if it is requested and the correction is not refused.
+        """Write the controller file of a correction, unless no file is requested or the correction is refused.
 
         result: correction.
         target: controller and file, None if no file is requested.
@@ -699,12 +706,12 @@ class CompensateCommand(
         *,
         may_be_noise: bool = False,
     ) -> RecordedError:
-        """Return the error of a recording.
+        """Return the error in a recording.
 
         file: file of the recording.
-        drive: drive that was recorded.
-        M_g: torque [N*m]; None for the first torque of the drive, without checks of counts and sense.
-        may_be_noise: whether a recording may contain noise only, as in `measure`.
+        drive: recorded drive.
+        M_g: torque [N*m]; None selects the first torque of the drive and omits the checks of counts and sense.
+        may_be_noise: whether a recording that contains only noise is accepted, as in `measure`.
         """
         from hdassist.correction.records import recorded_error, require_fine_counts, require_sense
         from hdassist.model.geometry import Kinematics
@@ -724,7 +731,7 @@ class CompensateCommand(
         return recorded_error(measurement, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
-        """Return the errors of the recordings by torque [N*m]. Raises UsageError for more recordings than torques."""
+        """Return the error in each recording, by torque [N*m]. Raises UsageError for more recordings than torques."""
         files = self.files or []
         torques = drive.operation.M_g
         if len(files) > len(torques):
@@ -734,8 +741,9 @@ class CompensateCommand(
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
-        """Return the report of a correction from a recording without a preset.
+        """Return the report of a correction computed from a recording without a preset, and write the requested file.
 
+        file: file of the recording.
         Raises UsageError for options that need a preset.
         """
         from hdassist.correction.correct import correction_alone
@@ -777,12 +785,12 @@ class CompensateCommand(
         M_g: float,
         target: tuple[BacklashFormat, str],
     ) -> None:
-        """Write the setting of a controller that compensates backlash only.
+        """Write the setting of a controller that compensates only backlash.
 
         file: recording in both directions.
         M_g: torque of the recording [N*m].
         target: controller and file.
-        Raises DataError for a recording in one direction only.
+        Raises DataError if the recording has only one direction.
         """
         from hdassist.correction.backlash import backlash_file, backlash_of
 

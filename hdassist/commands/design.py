@@ -59,7 +59,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
         files = self.wheels_of_one(self.presets)
         drive = self.load(preset)
         measured = self.teeth(files, drive)
-        # the title is shown next to the progress bar
+        # the progress bar shows the title
         torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         title = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
         with out.progress(title):  # shown before numpy is imported
@@ -108,7 +108,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
         from hdassist.pages.curves import trace_report
 
         files = self.wheels_of_one([preset])
-        # a wrong option is refused before the preset is loaded
+        # gravity is read first, so an invalid option is refused before the preset is loaded
         gravity = Gravity.of(self.gravity) if self.gravity is not None else None
         drive = self.load(preset)
         measured = self.teeth(files, drive)
@@ -148,7 +148,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     cross_check: str = "highs"
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report of the twist over torque."""
+        """Return the report of the twist of a drive over the torque."""
         from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.curves import stiffness_report
 
@@ -199,7 +199,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         return "-"
 
     def report(self, out: Output, preset: str) -> Report:
-        """Compute and write the rows, and return their report."""
+        """Compute the rows, write them to the requested outputs, and return the report on the rows."""
         from hdassist.design import Sweep, collect, read_axes
         from hdassist.files import read_preset
         from hdassist.loading import load_text
@@ -211,16 +211,16 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         streamed = self._takes_stdout()
         text, path = read_preset(preset)
         drive = load_text(text, path, self.changes)
-        # the sweep has the text of the preset, because each row loads it with other values
+        # the sweep contains the text of the preset, because each row loads the preset with other values
         sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
-        # a JSON object holds all rows in memory
+        # a JSON object with all rows must fit in memory
         if self.json and sweep.rows > _JSON_ROWS:
             raise UsageError(
                 f"--json cannot print {sweep.rows} rows: the maximum is {_JSON_ROWS}",
                 "use -o FILE.jsonl for any number of rows",
             )
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
-        # the owner states all inputs of the rows, so the same file is refused for another preset or grid
+        # the owner states all inputs of the rows, so a file with rows of another preset or grid is refused
         owner = KeptOwner(
             command="sweep",
             preset=drive.name,
@@ -228,14 +228,14 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             options=options,
         )
         if file is not None:
-            # the run may resume with an existing file
+            # the file may exist already, because the run may continue its rows
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self, out)
             kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
-            # the message is shown if the command is stopped
+            # at_stop shows the message if the command is stopped
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
-                # rows are not held in memory; only the figures of the page are collected
+                # rows are not kept in memory; collect() keeps only the figures for the page
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             self._write_tables(sweep, results, owner, out)
             if file is not None:
@@ -246,7 +246,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
                 say(f"error: no row has a result: {swept.reason}")
-            # the rows are on standard output, so the page has no heading there
+            # the rows were written to standard output, so the page there has no heading
             return replace(report, head="") if streamed else report
 
     def _write_tables(
@@ -256,11 +256,11 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         owner: KeptOwner,
         out: Output,
     ) -> None:
-        """Write the rows as CSV and as Parquet, if this is requested.
+        """Write the rows to the requested CSV and Parquet files.
 
-        sweep: sweep with the columns of the rows.
-        results: stored rows.
-        owner: inputs of the rows, stored in the Parquet file.
+        sweep: sweep, which determines the columns.
+        results: computed rows.
+        owner: inputs of the rows, stored in the metadata of the Parquet file.
         out: output of the command.
         """
         from hdassist.pages.curves import cells, columns
@@ -275,7 +275,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         """Return whether rows are written to standard output as CSV."""
         import sys
 
-        # the reader of a pipe expects the rows
+        # without a page on standard output, a pipe receives the rows
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
@@ -287,10 +287,10 @@ def _rows(
     options: SweepCommand,
     out: Output,
 ) -> Iterator[SweepRow]:
-    """Yield all rows: first the stored rows, then new rows, each as soon as it is computed and stored."""
+    """Yield the stored rows, then the new rows, each as soon as it is computed and stored."""
     from hdassist.run.run import stream
 
-    # stored rows are passed on like new rows
+    # the caller evaluates stored rows in the same way as new rows
     yield from results.records()
     with (
         out.progress(name, sweep.rows - results.done) as progress,
@@ -331,7 +331,7 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
 
 
 _PRESET_SUFFIXES = (".yaml", ".yml")
-_OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options of recordings only, in addition to TraceOptions
+_OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # further options of recordings, besides TraceOptions
 
 
 class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.OneTorqueOptions):
@@ -376,7 +376,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
             )
         o.stdin_once(*self.files, self.preset)
         out = self.open()
-        # wrong angles are refused before any file is read
+        # the angles are read first, so invalid angles are refused before any file is read
         start = o.degrees_or_fit("--phi-g0", self.start)
         given_zero = o.degrees_or_fit("--cam-zero", self.zero or "0")
         with out.progress(self.preset):  # shown before numpy is imported
@@ -396,7 +396,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
                     together=True,
                     M_g=M_g,
                 )
-                # without --cam-zero, the kind of recording decides whether the zero is known
+                # without --cam-zero, it depends on the recording whether the zero is known or fitted
                 zero = given_zero if self.zero else zero_of(measurement.trace, drive, start)
                 fitted = (start is None, zero is None)
                 alignment = replace(
@@ -425,7 +425,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         return give("compare", answers, out)
 
     def _limited(self, preset: str) -> Drive:
-        """Return the drive of a preset with the given torque and limits.
+        """Return the drive of a preset with the torque and the limits from the command line.
 
         Raises DataError, PresetError or UsageError.
         """
@@ -440,12 +440,12 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         return with_asked(options.load(preset), self.taken_over())
 
     def _require_presets_only(self) -> None:
-        """Raise UsageError for recordings among the presets, for options of recordings, and for CSV."""
-        # the command compares recordings or presets, never both
+        """Raise UsageError if recordings, options of recordings, or CSV are combined with presets."""
+        # recordings and presets cannot be compared in one call
         if traces := [name for name in self.files if not is_preset(name)]:
             message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
             raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
-        # an option with its default value counts as not given
+        # an option that has its default value counts as not given
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError(
@@ -460,7 +460,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
     def _compare_presets(self) -> int:
         """Compare presets, and return the exit code.
 
-        Raises UsageError for recordings among the presets, and for options of recordings.
+        Raises UsageError if recordings, options of recordings, or CSV are combined with presets.
         """
         self._require_presets_only()
         names = [self.preset, *self.files]
@@ -492,7 +492,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
 
 def is_preset(name: str) -> bool:
-    """Return whether an argument names a preset (a name of the library or a YAML file) and not a recording."""
+    """Return whether an argument names a preset (of the library, or a YAML file) rather than a recording."""
     from hdassist.files import preset_names
 
     return Path(name).suffix.lower() in _PRESET_SUFFIXES or name in preset_names()
@@ -522,13 +522,13 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     def run(self) -> int:
         """Write the report, and return the exit code."""
         is_document = Path(self.output).suffix.lower() in _REPORT_SUFFIXES
-        # JSON and the single line of -q are written as by other commands; a file named by -o stays a document
+        # --json and -q write their results like other commands, but a file named by -o is always a document
         if self.json or (self.quiet and not is_document):
             return super().run()
         kind = self._kind()
         out = self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), out)
-        # only the warnings are written here, to stderr, because the page itself is a document
+        # a report without a heading has no page, so only its warnings are written, to stderr
         code = give("report", [replace(report, head="")], out)
         from hdassist.pages.report import report_html, report_markdown
 
@@ -573,10 +573,10 @@ class DrawOptions(o.LimitedDriveOptions):
     executor: str | None = None
 
     def law(self, drive: Drive, *, chosen: bool = False) -> ProductionLaw:
-        """Return the distributions of the random drives.
+        """Return the distributions from which random drives are sampled.
 
         drive: drive whose tolerances apply.
-        chosen: whether assumed sizes count as tolerances to choose.
+        chosen: whether assumed sizes count as tolerances to be chosen.
         Raises UsageError for invalid options.
         """
         from hdassist.preset.fields import DEVIATION_FIELDS
@@ -588,7 +588,7 @@ class DrawOptions(o.LimitedDriveOptions):
             chosen=chosen,
             known=self.known,
         )
-        # without a varying size, all drives are equal
+        # if no size varies, all drives are equal
         if not any(field.path == field.group and field.path in DEVIATION_FIELDS for field in law.own):
             raise UsageError("no field varies: all tolerances are 0", "set tolerances.e_hb or other tolerances above 0")
         return law
@@ -599,10 +599,11 @@ class DrawOptions(o.LimitedDriveOptions):
         production: Production,
         count: int,
     ) -> tuple[Production, Samples | None]:
-        """Return a production with the designs of its drives, and the samples of these designs.
+        """Return a production with sampled designs for its drives, and the samples of these designs.
 
         The samples are None if all drives have the same design.
 
+        production: production without designs.
         count: number of drives.
         """
         with out.run("designs", production.design_states(count), self) as run:
@@ -619,12 +620,12 @@ class DrawOptions(o.LimitedDriveOptions):
 
         production: production of the drives.
         count: number of drives.
-        progress: progress bar that includes further work, None for a new bar.
+        progress: progress bar shared with further work, None for a new bar.
         """
         from hdassist.run.run import stream
 
         drives: list[RandomDrive] = []
-        # several productions share one bar
+        # a given bar stays open, because several productions share it
         bar = nullcontext(progress) if progress else out.progress(production.drive.name, count)
         with bar as progress, out.engine(self) as engine:
             for records in stream(production.records, count, jobs=self.jobs, executor=engine):
@@ -638,7 +639,7 @@ def _require_limits(drive: Drive) -> list[float]:
     limits = []
     for M_g in drive.operation.M_g:
         limit = drive.limit(M_g)
-        # all torques count, so a torque without a limit must not be skipped silently
+        # a torque without a limit must not be skipped silently, because all torques count
         if limit is None:
             hint = f"use --limit 30 or --limit F_ior@{M_g:g}=30, or select the torques with a limit by --torque"
             raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
@@ -676,7 +677,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
     per_design: int = 10
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report on random drives of a preset."""
+        """Return the report on random drives of a preset, which are solved or read from an earlier run."""
         from hdassist.pages.tolerance import drive_table, tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
 
@@ -700,9 +701,9 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
 
         samples = None
         with open_kept(self.results, owner, production.kind, force=self.force) as kept:
-            # drives of an earlier run are part of the result
+            # the result includes the drives of an earlier run
             summary.add(islice(kept.records(), self.count))
-            # designs are sampled only if a drive remains to be solved
+            # designs are needed only if a drive remains to be solved
             if kept.done < self.count:
                 production, samples = self.with_designs(out, production, self.count)
             self._solve_drives(out, production, kept, summary, progress_words)
@@ -711,7 +712,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
                 kinds, rows = drive_table(production, islice(kept.records(), self.count))
                 write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
         if not summary.count:
-            # without any result, there is no report
+            # no report can be made if no drive has a result
             if interrupted:
                 raise KeyboardInterrupt
             raise UntrustedError(f"no random drive has a result: {summary.reason}", "reduce the tolerances and ranges")
@@ -720,9 +721,9 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
 
     def _begun(self, drive: Drive, law: ProductionLaw) -> tuple[Production, Summary]:
-        """Return the production of a drive, and the empty summary of its drives.
+        """Return the production of random drives, and the empty summary of their results.
 
-        Raises UsageError for a yield without limits, UntrustedError if a self error cannot be trusted.
+        Raises UsageError if a yield is required without limits, UntrustedError if a self error cannot be trusted.
         """
         from hdassist.error.cycle import self_error
         from hdassist.tolerance.production import Production
@@ -758,12 +759,14 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         summary: Summary,
         progress_words: Callable[[], str],
     ) -> None:
-        """Solve the drives that are not stored yet, store them and add them to the summary, until an interruption.
+        """Solve the drives that are not stored yet, store their results, and add them to the summary.
+
+        An interruption ends the work without an error.
 
         production: production of the drives.
-        kept: stored drives.
+        kept: file of stored results.
         summary: summary of all drives.
-        progress_words: function that returns the state of the work, for a message if the process is stopped.
+        progress_words: function that returns the state of the work as text, shown if the process is stopped.
         """
         from hdassist.run.run import stream
 
@@ -828,10 +831,10 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         return sensitivity_report(replace(result, law=law))
 
 
-_MOST_ROUNDS = 5  # largest number of further rounds of drives that try tolerances
-_DRIVES_PER_DESIGN = 5  # drives per design; many designs with few drives each are more informative than the reverse
+_MOST_ROUNDS = 5  # largest number of rounds with further drives in the search for tolerances
+_DRIVES_PER_DESIGN = 5  # number of drives per design; few drives in each of many designs give more information
 _TIMED_DRIVES = 3  # number of drives solved first to estimate the total time
-_SHORT_TIME = 10.0  # s; a shorter estimate is not shown
+_SHORT_TIME = 10.0  # s; a shorter estimated time is not shown
 
 
 def _rooms_beside_self_error(
@@ -920,9 +923,9 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         return allocate_report(allocator, ways, self_errors, gains, torques[torque])
 
     def _say_time(self, productions: Sequence[Production]) -> None:
-        """Write the longest time of the search to stderr, estimated from a few drives of each production.
+        """Write the estimated maximum time of the search to stderr, after solving a few drives of each production.
 
-        No time is written for a short search, or if an executor solves the drives.
+        No time is written if it is short, or if an executor solves the drives.
         """
         from hdassist.run.run import count
 

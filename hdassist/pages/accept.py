@@ -40,7 +40,7 @@ _RULE_WORDS = {
     "guard": f"guard band of {GUARD:g} u on each side of the limit",
     "simple": "simple acceptance up to the limit",
 }
-_CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV file
+_CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV file with the figures of checks
     Quantity(name)
     for name in (
         *(field.name for field in fields(DecidedCheck) if field.name not in ("unstated", "belief", "full_cycle")),
@@ -48,12 +48,12 @@ _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV f
     )
 )
 FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
-_BASIS_WORDS = {"stated": "reported value"}  # names of bases on pages, if they differ from the key
-_NAMED_CHECKS = 2  # number of checks or drives that a text names
+_BASIS_WORDS = {"stated": "reported value"}  # name of a basis on pages, if it differs from the key
+_NAMED_CHECKS = 2  # largest number of checks or drives named in a text
 
 
 def number(value: float, limit: Limit) -> str:
-    """Return a value as the table of checks shows it.
+    """Return a value as text for the table of checks.
 
     A value in arcsec has at least two decimals, and more if three significant digits of its limit need them.
     """
@@ -63,7 +63,7 @@ def number(value: float, limit: Limit) -> str:
 
 
 def _value(check: DecidedCheck) -> str | None:
-    """Return the value of a check; for a lower bound, the lower end of its interval, as `hdassist measure` shows it."""
+    """Return the value of a check as text; for a lower bound, "≥" and the lower end of its interval."""
     if check.value is None or check.extent != "at least":
         return None if check.value is None else number(check.value, check)
     interval = _interval(check)
@@ -72,17 +72,25 @@ def _value(check: DecidedCheck) -> str | None:
 
 
 def _interval(check: DecidedCheck) -> tuple[float, float] | None:
-    """Return the 95 % interval that a model fitted to the recording gives for the full cycle; None if there is none."""
+    """Return the 95 % interval for the full cycle, from a model fitted to the recording; None without a model."""
     return check.full_cycle.interval if check.full_cycle else None
 
 
 def _of_value(name: str) -> Callable[[DecidedCheck], str | None]:
-    """Return the function that gives the cell of a number, which is empty for a lower bound."""
+    """Return a function from a check to the cell of one of its numbers, which is None for a lower bound.
+
+    name: attribute of the check.
+    """
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
 def _without_interval(name: str) -> Callable[[DecidedCheck], str | None]:
-    """Return the function that gives the cell of a number, empty for a lower bound and for a value with an interval."""
+    """Return a function from a check to the cell of one of its numbers.
+
+    The cell is None for a lower bound, and for a value with an interval for the full cycle.
+
+    name: attribute of the check.
+    """
     cell_of = _of_value(name)
     return lambda d: None if _interval(d) else cell_of(d)
 
@@ -94,14 +102,15 @@ def _range(check: DecidedCheck) -> str | None:
 
 
 def _bound(limit: Limit) -> str:
-    """Return a limit with its relation sign, ≤ or ≥."""
+    """Return a limit as text after its sign, ≤ or ≥."""
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
 def _shown_label(check: DecidedCheck) -> str:
-    """Return the label of a check.
+    """Return the label of a check on pages.
 
-    It names the self error if F'_ior is predicted, because the self error is added; a measured F'_ior contains it.
+    The label of a predicted F'_ior also names the self error, which is added to the prediction. A measured F'_ior
+    already contains the self error.
     """
     adds = check.check is F_IOR and check.basis == "predicted"
     return check.label.replace("F'_ior", "F'_ior + self error") if adds else check.label
@@ -125,7 +134,7 @@ def accept_report(
     predictions: Predictions | None,
     drive: Drive,
 ) -> Report:
-    """Return the acceptance of a drive as a report; predictions: predictions of the model, None if there are none."""
+    """Return the report of the acceptance of a drive; predictions: predictions of the model, None if there are none."""
     checks = _by_severity(_shown_checks(answer))
     worst = [check for check in checks if check.verdict == checks[0].verdict]
     reasons = [_reason(check, answer) for check in worst[:_NAMED_CHECKS]]
@@ -151,7 +160,7 @@ def accept_report(
 
 
 def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
-    """Return the reason for the verdict on a check in words; for an undecided prediction, its probability."""
+    """Return the reason for the verdict on a check; for an undecided prediction, the probability of the limit."""
     if check.belief and check.verdict == "INCONCLUSIVE" and answer.rule:
         probability = check.belief.kept.text(answer.rule.sure)
         return f"probability that {_shown_label(check)} is {_bound(check)}{_unit(check)}: {probability}"
@@ -159,14 +168,14 @@ def _reason(check: DecidedCheck, answer: AcceptAnswer) -> str:
 
 
 def _further_checks(count: int) -> str:
-    """Return the end of a list, which gives the number of further checks; empty if there are none."""
+    """Return the end of a list of checks, with the number of checks not listed; empty if all are listed."""
     if count <= 0:
         return ""
     return f"; {count} further checks" if count > 1 else "; 1 further check"
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
-    """Yield contributions, samples, reasons of all checks, notes and files, each as a label and a text."""
+    """Yield contributions, samples, the reasons for all verdicts, notes and files, each as a label and a text."""
     if predictions:
         yield "contributions", influence_at(predictions)
         yield "samples", samples_words(predictions.samples) if predictions.samples else ""
@@ -184,7 +193,7 @@ def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterat
 
 
 def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
-    """Return the checks of a result, with stiffnesses and torques in the unit of their limit on the command line."""
+    """Return the checks of a result, with stiffnesses and torques in the units of the limits on the command line."""
     limit_texts = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
     units = {limit.field: limit.text.lstrip("+-.0123456789 eE") for limit in limit_texts}
     return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
@@ -203,7 +212,7 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
 
 
 def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
-    """Return the checks with the worst verdict first; checks of equal verdict have the smallest margin first."""
+    """Return the checks sorted by verdict, the worst first, and by relative margin, the smallest first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
 
@@ -213,11 +222,11 @@ def _column_of_basis(
     *,
     is_predicted: bool,
 ) -> Quantity[DecidedCheck]:
-    """Return a column of the table of checks with the label that suits the basis of its values.
+    """Return a column of the table of checks, with a label that depends on the basis of the values.
 
+    basis: measured, stated or predicted.
     is_predicted: whether the values are medians over samples.
     """
-    # a value predicted over samples is a median
     if is_predicted and quantity.key == "value":
         return replace(quantity, label="median")
     if basis == "measured" and quantity.key == "range":
@@ -237,7 +246,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
-        # the probability of meeting the limit replaces the margin
+        # if the probability of meeting the limit is known, it replaces the margin
         left_out = {"margin"} if any(check.belief for check in checks) else set()
         is_predicted = basis == "predicted" and all(check.belief for check in checks)
         columns = [
@@ -288,9 +297,9 @@ def _with_measured(
     answer: AcceptAnswer,
     drive: Drive,
 ) -> str:
-    """Return the accept command with a value that is still to be measured.
+    """Return the accept command with a placeholder for a value that is still to be measured.
 
-    The value replaces any recording at the torque of the check.
+    The value replaces an earlier recording at the torque of the check.
     """
     if not (answer.request and check.option.startswith("--measured")):
         return f"{again('accept', drive)} {check.option}"
@@ -304,12 +313,12 @@ def _with_measured(
 
 
 def _with_budget(unstated: Sequence[str]) -> str:
-    """Return the option that states the sources of uncertainty not yet stated; empty if all are stated."""
+    """Return the option for the sources of uncertainty that are not stated yet; empty if all are stated."""
     return f" --budget {','.join(f'{name}=U' for name in unstated)}" if unstated else ""
 
 
 def _sentence(check: DecidedCheck) -> str:
-    """Return a check in words: value, uncertainty or range, limit, margin, guard band, and the basis of the value."""
+    """Return a check as text: value, uncertainty or range, limit, margin, guard band, and basis of the value."""
     cells = {quantity.key: quantity.of(check) for quantity in _DECISION_COLUMNS}
     if not cells["value"]:
         return f"{_shown_label(check)}: no value, limit {_bound(check)}{_unit(check)}"
@@ -324,12 +333,12 @@ def _sentence(check: DecidedCheck) -> str:
 
 
 def _unit(check: DecidedCheck) -> str:
-    """Return the unit as it appears after a value."""
+    """Return the unit of a check as it is printed after a value, with a space except before ″."""
     return "″" if check.unit == "arcsec" else f" {check.unit.replace('*', '·')}"
 
 
 def _is_open(check: DecidedCheck) -> bool:
-    """Return whether a prediction, or a recording of a part of the cycle, leaves a check undecided."""
+    """Return whether a check is undecided after a prediction or a recording of only a part of the cycle."""
     return check.verdict == "INCONCLUSIVE" and (check.basis == "predicted" or check.extent == "at least")
 
 
@@ -340,7 +349,7 @@ def _to_explain(checks: Iterable[DecidedCheck]) -> str:
 
 
 def _yield_words(summary: Mapping[str, Any]) -> str:
-    """Return the share of drives that pass, with its interval, in a sentence."""
+    """Return a sentence with the share of drives that pass, and its interval."""
     share = summary["yield"]
     if not share:
         return "no drive has a decision; the table gives the reasons"
@@ -349,7 +358,7 @@ def _yield_words(summary: Mapping[str, Any]) -> str:
 
 
 def _comment_warnings(lot: Lot) -> list[str]:
-    """Return a warning about lines of a lot that were read as comments, because a drive may be among them."""
+    """Return a list with one warning if lines of a lot were read as comments, because a line may be a drive."""
     if not lot.remarks:
         return []
     label = "lines" if len(lot.remarks) > 1 else "line"
@@ -360,8 +369,8 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Return the report of a lot: counts of verdicts, yield, and each drive with its deciding check."""
     summary = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := summary["verdicts"][verdict])]
-    # equal errors of many rows are explained once
-    same: dict[str, AcceptAnswer] = {}  # first result with an error, by the words of the error
+    # an error that occurs in many rows is explained only once
+    same: dict[str, AcceptAnswer] = {}  # first result with each error, by the message
     drives = tuple(
         (title(answer), answer.status, _deciding(answer, same.setdefault(fault_words(answer), answer)))
         for answer in answers
@@ -372,7 +381,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         drive=None,
         head=f"{lot.file}, {_drives(len(answers))}",
         verdict=", ".join(counts),
-        # the yield counts only drives with PASS or FAIL
+        # only drives with PASS or FAIL count for the yield
         why=(_yield_words(summary),),
         blocks=(
             Table("", ("drive", "verdict", "decided by"), drives, named=True),
@@ -392,8 +401,8 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 
 
 def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
-    """Yield a warning for each recording that several drives share: it may be a copy, or named in a wrong row."""
-    drives: dict[str, dict[str, str]] = {}  # file of a recording by name of the drive, by SHA-256
+    """Yield a warning for each recording that several drives share, because a row may name a wrong file."""
+    drives: dict[str, dict[str, str]] = {}  # by SHA-256 of a recording: its file for each drive
     for answer in answers:
         for trace in answer.measured:
             drives.setdefault(trace.sha256, {})[title(answer)] = trace.file
@@ -403,9 +412,9 @@ def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
 
 
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
-    """Return the deciding check of a drive with its reason, or its error.
+    """Return the deciding check of a drive with its reason, or the error of the drive.
 
-    first_alike: first result of the lot with the same error; later results refer to it and do not repeat the error.
+    first_alike: first result of the lot with the same error; a later result refers to the first and omits the error.
     """
     if not answer.error:
         worst = _by_severity(_shown_checks(answer))[0]
@@ -417,14 +426,14 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
 
 
 def fault_words(answer: AcceptAnswer) -> str:
-    """Return the error message of a row without its line number, to compare rows; empty if there is no error."""
+    """Return the error message of a row without the line number, which differs between rows; empty without an error."""
     return re.sub(rf"^{re.escape(answer.place or '')}(:\d+)?: ", "", answer.error.message) if answer.error else ""
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     """Yield notes, the next measurement and the next command, each as a label and a text."""
     notes = Counter(code for answer in answers for code in {note.code for note in answer.remarks})
-    del notes["NOT_TESTED"]  # the fact "not tested" names the drives
+    del notes["NOT_TESTED"]  # the fact "not tested" states this note together with the drives
     yield "notes", "; ".join(f"{code}: {_drives(notes[code])}" for code in sorted(notes))
     yield "not tested", "\n".join(_untested_limits(answers))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
@@ -437,7 +446,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
 
 
 def _untested_limits(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
-    """Yield each limit that the verdicts omit, with the drives whose verdict omits it."""
+    """Yield each untested limit as text, with the drives for which it was not tested."""
     drives: dict[str, list[str]] = {}
     for answer in answers:
         for label in answer.left_out:
@@ -463,13 +472,13 @@ class _FailedDrive:
 
 
 def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
-    """Return the drives that fail by F'_ior, sorted by the required reduction, the smallest first."""
+    """Return the drives that fail by F'_ior, sorted by the ratio of the value to the limit, the smallest first."""
     failed = []
     for answer in answers:
         checks = [check for check in answer.checks if check.check is F_IOR and check.verdict == "FAIL"]
         ratios = [(check.value or 0.0) / check.limit for check in checks]
         if checks and answer.request is not None:
-            worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # the last check if ratios are equal
+            worst = max(range(len(checks)), key=lambda k: (ratios[k], k))  # of equal ratios, the last one is chosen
             failed.append(
                 _FailedDrive(
                     name=title(answer),
@@ -482,7 +491,7 @@ def _failed_by_F_ior(answers: Sequence[AcceptAnswer]) -> list[_FailedDrive]:
 
 
 def _failed_words(failed: Sequence[_FailedDrive]) -> str:
-    """Return the sentence that another hole may reduce F'_ior of the failed drives, naming the first of them."""
+    """Return a sentence which says that another hole may reduce F'_ior of the failed drives, and names a few drives."""
     named = [f"{drive.name} (F'_ior is {drive.times_limit:.3g} times the limit)" for drive in failed]
     unnamed = len(named) - _NAMED_CHECKS
     text = f"may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
@@ -494,9 +503,9 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
 
 
 def _turning_command(failed: _FailedDrive) -> str:
-    """Return the command that finds another hole for a drive, with the value measured in its present hole, if any.
+    """Return the command that finds another hole for a drive.
 
-    A lower bound from a part of the cycle is not used as a value of that hole.
+    The command includes the value measured in the present hole, unless the value is a lower bound.
     """
     check = failed.check
     arguments = ["hdassist", "mount", failed.request.preset]
@@ -519,10 +528,10 @@ def replay_report(
     now: AcceptAnswer | None,
     fault: DataError | None,
 ) -> Report:
-    """Return the replay of a recorded result as a report.
+    """Return the report of the replay of a stored result.
 
     recorded: result read from the file.
-    now: result computed now, None if its row was invalid.
+    now: result computed now, None if it was not computed.
     fault: error that prevents the replay, None if there is none.
     """
     differences = answer_differences(recorded, now) if now else []
@@ -558,9 +567,9 @@ def title(answer: AcceptAnswer) -> str:
 
 
 def csv(answers: Sequence[AcceptAnswer]) -> str:
-    """Return one row per drive and limit as CSV.
+    """Return the results as CSV, with one row per drive and limit.
 
-    A limit that the verdict omits has the verdict NOT_TESTED; a drive without a result has a row with its error.
+    An untested limit has the verdict NOT_TESTED. A drive without a result has one row with its error.
     """
     rows = []
     for answer in answers:
@@ -600,16 +609,16 @@ def junit(
     answers: Sequence[AcceptAnswer],
     lot_sha256: str = "",
 ) -> str:
-    """Return the results as JUnit XML, which build servers show: a suite for each drive, a test case for each check.
+    """Return the results as JUnit XML for build servers, with a suite for each drive and a test case for each check.
 
-    The class of a case is the drive, and its name is the limit. Remarks on a drive appear once, in the output of its
-    suite. FAIL and INCONCLUSIVE are failures of that type, because neither may be shown in green. A drive without a
-    result is an error, and an untested limit is skipped. The provenance of a result, including its time, is in the
-    properties of the suite, where every reader looks for it. Durations and machine names are omitted.
+    The class of a case names the drive, and the name of a case is the limit. Remarks on a drive appear once, in the
+    output of the suite. FAIL and INCONCLUSIVE are both failures, because neither may be shown in green. A drive without
+    a result is an error, and an untested limit is skipped. The properties of the suite contain the provenance of the
+    result, including its time. Durations and machine names are omitted.
 
     name: name of the whole file.
     answers: results, one per drive.
-    lot_sha256: SHA-256 of the table of a lot, empty if there is none.
+    lot_sha256: SHA-256 of the file of a lot, empty if there is no lot.
     """
     root = Element("testsuites", name=visible(name))
     for answer in answers:
@@ -627,7 +636,7 @@ def _suite(
     answer: AcceptAnswer,
     lot_sha256: str,
 ) -> None:
-    """Append the test suite of a drive to a JUnit file: a test case for each of its checks."""
+    """Append the test suite of a drive to the root of a JUnit file, with a test case for each check."""
     suite = _Suite.begun(root, answer, lot_sha256)
     if answer.error:
         suite.add_error(answer.status, answer.error)
@@ -654,14 +663,14 @@ class _Suite:
         answer: AcceptAnswer,
         lot_sha256: str,
     ) -> _Suite:
-        """Append a suite with its properties to root, and return it; it has no test cases yet."""
+        """Append a suite with properties, but without test cases, to root, and return the suite."""
         name = answer.serial or answer.preset.name
         element = SubElement(root, "testsuite", name=visible(name))
         place = SubElement(element, "properties")
         identity = {"serial": answer.serial, "preset": answer.preset.name, "status": answer.status}
         properties = {**identity, **provenance(answer), "lot_sha256": lot_sha256}
         for key, value in properties.items():
-            # a property without a value is omitted
+            # properties without a value are omitted
             if value is not None and value != "":
                 SubElement(
                     place,
@@ -684,10 +693,10 @@ class _Suite:
 
         Args:
             label: name of the check.
-            outcome: name of the JUnit element that states the outcome.
-            message: outcome in one line.
+            outcome: name of the JUnit element for the outcome.
+            message: description of the outcome in one line.
             kind: type of a failure.
-            lines: text of the outcome; empty lines are omitted.
+            lines: detailed description of the outcome; empty lines are omitted.
         """
         case = SubElement(
             self.element,
@@ -699,7 +708,7 @@ class _Suite:
         SubElement(case, outcome, attributes).text = visible("\n".join(filter(None, lines))) or None
 
     def add_error(self, status: str, error: ErrorRecord) -> None:
-        """Append the test case of an error that prevented a result."""
+        """Append a test case for the error that prevented a result."""
         hint = f"hint: {error.hint}" if error.hint else ""
         explanation = f"what it means: hdassist explain {error.code}" if error.code else ""
         self.add_case(
@@ -711,10 +720,10 @@ class _Suite:
         )
 
     def add_check(self, check: DecidedCheck) -> None:
-        """Append the test case of a check; every verdict except PASS is a failure, with the action that resolves it."""
+        """Append the test case of a check; a verdict other than PASS is a failure and names the next action."""
         sentence = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
-        # the details of a pass are output of the case
+        # for PASS, the details are written as the output of the case
         if check.verdict == "PASS":
             self.add_case(
                 check.label,
@@ -722,7 +731,7 @@ class _Suite:
                 lines=(sentence, because),
             )
             return
-        # an undecided check needs a measurement, and a failed check needs an explanation
+        # an open check is decided by a measurement, and for any other check explain gives the next action
         action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
         lines = (sentence, because, f"what to do: {action}")
         self.add_case(

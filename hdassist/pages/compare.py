@@ -41,9 +41,9 @@ from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 
 _PLOTTED_ROWS = 4
-_PLOTTED_TURNS = 1.0  # input revolutions plotted to either side of the largest difference
-_TABLED_ORDERS = 12  # number of orders in the table, the largest ones
-_SHORT_PAGE = 5  # number of quantities on a short page
+_PLOTTED_TURNS = 1.0  # number of input revolutions plotted before and after the largest difference
+_TABLED_ORDERS = 12  # number of orders in the table, chosen by amplitude
+_SHORT_PAGE = 5  # number of compared quantities on a short page
 _VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
     "mirrored": "mirrored, the file agrees clearly better with the opposite sign or sense",
@@ -67,7 +67,7 @@ def _plus_minus(
     uncertainty: float | None,
     digits: int = 1,
 ) -> str:
-    """Return a value with its standard uncertainty (k = 1); an unknown value or uncertainty is not shown."""
+    """Return a value with its standard uncertainty (k = 1) as text; a dash replaces an unknown value."""
     # a value may be known without an uncertainty
     spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
     return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
@@ -82,7 +82,7 @@ _FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 
 def _residuals_csv(result: Comparison) -> CsvTable:
-    """Return the measured and the predicted error of each bin, and their difference."""
+    """Return the CSV table of the measured error, the predicted error and their difference, one row per bin."""
     bins = result.sweep.bins
     return csv_columns(
         file=[result.measurement.trace.file for _ in bins.turns],
@@ -95,10 +95,10 @@ def _residuals_csv(result: Comparison) -> CsvTable:
 
 
 def comparison_report(result: Comparison) -> Report:
-    """Return the comparison of a recording with its prediction as a report."""
+    """Return the report on the comparison of a recording with its prediction."""
     trace = result.measurement.trace
     measured, *other_numbers = _COMPARED_NUMBERS[:_SHORT_PAGE]
-    uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # all have the first one's unit
+    uncertainty, *numbers = [replace(quantity, unit="") for quantity in other_numbers]  # all share the unit of measured
     return Report(
         command="compare",
         drive=result.drive,
@@ -128,41 +128,43 @@ def comparison_report(result: Comparison) -> Report:
 
 
 def _conventions(alignment: Alignment) -> Json:
-    """Return the sign of the error and the sense of the input angle of a file, by option name."""
+    """Return the sign of the error and the sense of the input angle in a file, by the name of the option."""
     return {"error_is": ERROR_SIGNS[alignment.sign], "cam_sense": SENSES[alignment.sense]}
 
 
 def _options(result: Comparison) -> list[str]:
-    """Return the options that follow from the conclusion: another reading of the file, or new values of deviations."""
+    """Return the command-line options that follow from the conclusion.
+
+    They correct the sign or the sense in which the file was read, or they set new values of deviations.
+    """
     best = result.conclusion.best
-    # if the file was read with a wrong sign or sense, the options correct it
     if result.mirror:
-        # only options that differ from the present ones are named
+        # options that already have the right value are omitted
         changed = _conventions(result.mirror.asked).items() - _conventions(result.asked).items()
         return [word for key, value in sorted(changed) for word in (f"--{key.replace('_', '-')}", value)]
-    # values that do not explain the recording are not offered
+    # the best fit is not recommended if it does not explain the recording
     sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
     return [word for text in sets for word in ("--set", text)]
 
 
 def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
-    """Yield the start and the zero of a recording.
+    """Yield the start and the zero of a recording, each as a name, an angle and an uncertainty.
 
-    Each is a name, an angle from -180 to 180 deg, and the standard uncertainty [deg], None if the angle is given.
+    The angle lies between -180 and 180 deg. The standard uncertainty [deg] is None if the angle is given.
     """
     alignment = result.unchanged.alignment
     start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
     angles = alignment.start_deg, alignment.zero_deg
     for name, angle, u in zip((start, "cam_zero"), angles, result.uncertainties_deg, strict=True):
-        # the range from -180 to 180 deg keeps angles slightly below 0 near 0
+        # between -180 and 180 deg, an angle slightly below 0 is not printed as almost 360 deg
         yield name, (angle + 180) % 360 - 180, u
 
 
 def _why(result: Comparison) -> str:
-    """Return the reason for the conclusion in a sentence."""
+    """Return a sentence that gives the reason for the conclusion."""
     best = result.conclusion.best
     kind = result.conclusion.kind
-    # rough teeth are a possible cause only if they are unknown
+    # single teeth may cause the difference only if the roughness of the teeth is unknown
     if kind == "agrees":
         rough = any(field.path in ("harmonics.xi_g6", "harmonics.xi_b6") for field in unknowns(result.drive))
         single_teeth = ", single teeth" if rough else ""
@@ -178,7 +180,7 @@ def _why(result: Comparison) -> str:
         deviations = f"{len(best.deviations)} deviations together, and no single one,"
         return f"{deviations} explain {share}. The residual is consistent with noise."
     fitted = named(best.deviations[0])
-    # an undetermined deviation is named without size and direction
+    # size and direction are omitted if the recording does not determine them
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
         fitted += f", {size} um"
@@ -190,7 +192,7 @@ def _why(result: Comparison) -> str:
 
 
 def _facts(result: Comparison) -> Iterator[Fact]:
-    """Yield the angles, other explanations, residual and the next command, each as a label and a text."""
+    """Yield fitted angles, other explanations, residual orders and the next command, each as a label and a text."""
     best = result.conclusion.best
     joint = result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
@@ -227,7 +229,7 @@ def _starts(result: Comparison) -> Iterator[Fact]:
 
 
 def _curves(result: Comparison) -> Curve:
-    """Return the measured and the predicted curve around their largest difference."""
+    """Return the plot of the measured and the predicted error around their largest difference."""
     bins = result.sweep.bins
     worst = result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
@@ -245,7 +247,7 @@ def _curves(result: Comparison) -> Curve:
 
 
 def _tables(result: Comparison) -> Iterator[Table]:
-    """Yield the table of the largest orders and the table of all fits."""
+    """Yield the table of the largest orders and, if deviations were fitted, the table of the fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)}"
@@ -265,7 +267,7 @@ def _tables(result: Comparison) -> Iterator[Table]:
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
-    """Return the cells for size [um] and direction [deg]; dashes if there is no change."""
+    """Return the table cells of size [um] and direction [deg] of a change; dashes if there is no change."""
     if change is None:
         return NO_VALUE, NO_VALUE
     size = _plus_minus(change.size_um, change.size_uncertainty_um)
@@ -273,7 +275,10 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 
 
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a fit: one for each deviation, after a row for the whole fit unless it has one deviation."""
+    """Yield the table rows of a fit, one for each deviation.
+
+    Unless the fit has exactly one deviation, a row for the whole fit comes first.
+    """
     chi_square = f"{found.chi_square / found.degrees_of_freedom:.2f}"
     F_ior = _plus_minus(found.F_ior_arcsec, None, 2)
     share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
@@ -313,14 +318,14 @@ def _values(result: Comparison) -> Json:
     }
 
 
-_NAMED_PATHS = 6  # number of fields that a line names
-_NO_ERROR = 1e-9  # arcsec; a smaller F'_ior of A is replaced by this value in a ratio
-_LARGEST_SHARE = 100.0  # largest difference as a multiple of F'_ior of A; above it, A has almost no error
+_NAMED_PATHS = 6  # largest number of fields named in a line
+_NO_ERROR = 1e-9  # arcsec; smallest F'_ior of A in a ratio, which avoids division by zero
+_LARGEST_SHARE = 100.0  # largest difference shown as a multiple of F'_ior of A; if it is larger, A has almost no error
 _DRIVE_HEADS = ("", "torque", "as assembled", "best hole", "change from A", "P(better)")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
-    """Return the comparison of drives as a report; the first drive is the reference. seed: seed of the samples."""
+    """Return the report on the comparison of drives with the first drive; seed: seed of the samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     verdict = _verdict(result)
     probability = _probability_words(result)
@@ -352,25 +357,25 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
 
 
 def comparison_warnings(result: DrivesComparison) -> tuple[str, ...]:
-    """Return the warnings of all drives without repetition."""
+    """Return the warnings about all drives, each only once."""
     return tuple(
         dict.fromkeys(f"{sheet.drive.name}: {text}" for sheet in result.sheets for text in sheet_warnings(sheet))
     )
 
 
 def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
-    """Return the warnings of a drive's check, mounting and stiffness without repetition."""
+    """Return the warnings from check, mounting and stiffness of a drive, each only once."""
     stiff = stiffness_warnings(sheet.drive, sheet.stiffness)
     return tuple(dict.fromkeys((*sheet.check.warnings, *mount_warnings(sheet.advice), *stiff)))
 
 
 def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
-    """Return the sheets by the letters of the drives: A, B, and so on."""
+    """Return the sheet of each drive by the letter of the drive: A, B, and so on."""
     return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
 
 
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
-    """Yield the row of each drive at each torque, with cells in the order of the column heads."""
+    """Yield the cells of the table row of each drive, torque by torque."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             odds = changes.probability_better[k] if changes else None
@@ -407,7 +412,7 @@ def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
-    """Return the field whose difference alone changes F'_ior most at each torque, in words.
+    """Return as text, for each torque, the differing field that changes F'_ior most if it is changed alone.
 
     The text is empty if no field can be changed alone.
     """
@@ -424,7 +429,7 @@ def _change(
     changes: DriveChanges,
     k: int,
 ) -> str:
-    """Return the change of the median of F'_ior from A in per cent, or a word for it; k: index of the torque."""
+    """Return the change of the median of F'_ior from A in per cent, or in words; k: index of the torque."""
     sense = changes.F_ior_is[k]
     before = result.sheets[0].check.points[k].F_ior_or_error
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
@@ -434,7 +439,7 @@ def _change(
 
 
 def _loads(result: DrivesComparison) -> list[str]:
-    """Return the torques at which the drives are compared, or shares of the rated torque, in words."""
+    """Return the torques at which the drives are compared, or their shares of the rated torque, as texts."""
     if shares := result.rated_shares:
         return [f"{100 * share:.3g} % of rated" for share in shares]
     return [f"{M_g:g} N·m" for M_g in result.torques]
@@ -456,7 +461,7 @@ def _verdict(result: DrivesComparison) -> str:
 
 
 def _probability_words(result: DrivesComparison) -> str:
-    """Return the probability that the best drive is better than A, or that A is better than all others, in words."""
+    """Return a text with the probability that the best drive is better than A, or that A is the best drive."""
     odds = result.probability_best
     is_sampled = any(sheet.check.samples for sheet in result.sheets)
     if odds is None or not is_sampled or result.all_alike:
@@ -468,7 +473,7 @@ def _probability_words(result: DrivesComparison) -> str:
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
-    """Yield a table for each drive except A with the change of F'_ior by each differing field alone."""
+    """Yield a table for each drive except A: the change of F'_ior if each differing field is changed alone."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]  # torques of drive A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
@@ -490,13 +495,13 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
 
 
 def _cell(field: ResolvedField) -> str:
-    """Return the text of a field: its value with its origin and, if it is assumed, its range."""
+    """Return the table cell of a field: its value with the origin and, if it is assumed, the range."""
     bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
     return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
-    """Yield the change at each torque: its median, with the 5th and 95th percentile over sampled pairs of drives."""
+    """Yield the cell of a change at each torque: median, 5th and 95th percentile over sampled pairs of drives."""
     for median, low, high in zip(change.change_arcsec, change.p5_arcsec, change.p95_arcsec, strict=True):
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
@@ -565,7 +570,7 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
-    """Return the compared part of the JSON results of `check` and `mount` on a drive."""
+    """Return the part of the JSON results of `check` and `mount` that a comparison of drives needs."""
     check = report_object(check_report(sheet.check, seed))
     best = sheet.advice.chosen
     is_one = sheet.advice.names_hole

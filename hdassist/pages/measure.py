@@ -58,18 +58,18 @@ from hdassist.report import (
 from hdassist.run.system import command_line
 from hdassist.terminal.words import again
 
-_NAMED_SLOW = 0.1  # smallest slow terms that a line names, as a share of F'_ior
-_LISTED_ORDERS = 12  # number of orders in the table, the largest ones
-_NAMED_ORDERS = 3  # number of orders that a line names, the largest ones
+_NAMED_SLOW = 0.1  # smallest size of the slow terms that a line on the page names, as a share of F'_ior
+_LISTED_ORDERS = 12  # number of orders in the table, chosen by amplitude
+_NAMED_ORDERS = 3  # number of orders that a line on the page names, chosen by amplitude
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
 
 def _ends_text(interval: Sequence[float]) -> str:
-    """Return the ends of an interval as tables show them."""
+    """Return the ends of an interval as text for a table."""
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # formats by name
+FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # functions by name
 _ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
 _CYCLE = quantity_table("measure.cycle")
 _BUDGET = quantity_table("measure.budget")
@@ -87,8 +87,8 @@ _ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * sh
 
 
 def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
-    """Return the columns of the short table; for a lower bound, F'_ior is labelled as a range."""
-    # only the range over a whole cycle is F'_ior
+    """Return the columns of the short table; for a lower bound, the column of F'_ior is labelled "range"."""
+    # F'_ior is defined as the range over a whole cycle
     if not found.is_bound:
         return _ON_PAGE
     label = "range"
@@ -96,7 +96,7 @@ def _columns(found: SweepResult) -> Sequence[Quantity[SweepResult]]:
 
 
 def _verdict(sweep: SweepResult, gearing: Gearing | None) -> str:
-    """Return F'_ior of a direction in words, or its lower bound if the recording does not determine F'_ior."""
+    """Return F'_ior of a direction as text, or its lower bound if the recording does not determine F'_ior."""
     if sweep.is_bound:
         return f"F'_ior at least {sweep.interval_arcsec[0]:.2f}″ (lower bound)"
     travel = f" over {gearing.travel_deg:.4g}° of travel" if gearing and gearing.travel else ""
@@ -104,7 +104,7 @@ def _verdict(sweep: SweepResult, gearing: Gearing | None) -> str:
 
 
 def _slope_facts(result: Measurement) -> list[Fact]:
-    """Return the fact with the steepest slope of the error; empty if no slope is known."""
+    """Return a list of one fact, the steepest slope of the error; the list is empty if no slope is known."""
     slope = result.slope_arcsec_per_deg
     if not slope:
         return []
@@ -117,12 +117,12 @@ def measure_report(
     options: Sequence[str] = (),
     speed: float | None = None,
 ) -> Report:
-    """Return F'_ior of a recording with its uncertainty, for each direction, as a report.
+    """Return the report of a recording: F'_ior with its uncertainty for each direction.
 
     result: measurement.
     drive: drive of the recording, None if it is unknown.
-    options: options by which the file was read, for the next command.
-    speed: output speed [arcsec/s], by which the slope gives a rate; None if it is not given.
+    options: options with which the file was read, to be repeated in the next command.
+    speed: output speed [arcsec/s] that converts the slope to a rate; None if it is not given.
     """
     first_sweep, *further_sweeps = result.directions
     trace = result.trace
@@ -155,7 +155,7 @@ def measure_report(
 
 
 def _measurement_object(result: Measurement, speed: float | None) -> Json:
-    """Return a measurement as JSON; speed: output speed [arcsec/s], by which the slope gives a rate."""
+    """Return a measurement as JSON; speed: output speed [arcsec/s] that converts the slope to a rate, or None."""
     trace = result.trace
     return {
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
@@ -172,7 +172,7 @@ def _measurement_object(result: Measurement, speed: float | None) -> Json:
 
 
 def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
-    """Yield the reasons why F'_ior is a lower bound; nothing for the full mesh cycle."""
+    """Yield the reasons why F'_ior is a lower bound; none if the recording covers the full mesh cycle."""
     # without a ratio, the length of the cycle is unknown
     if found.coverage is None or result.gearing is None:
         yield (
@@ -185,7 +185,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield "The declination is unknown: state it (--declination DEG)."
     elif found.is_bound and result.gearing.travel:
         yield f"{covered} of the travel of {result.gearing.travel_deg:.4g}°."
-        # separate sweeps do not distinguish slow terms from differences of their levels
+        # in separate sweeps, slow terms cannot be distinguished from differences between the levels of the sweeps
         if found.coverage.share >= FULL_SHARE:
             yield "The travel was recorded in several sweeps: record it in one."
     elif found.is_bound:
@@ -202,9 +202,12 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
 
 
 def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[str]:
-    """Yield F'_ior over the full mesh cycle and the part to record next, if a model extends a part of the cycle."""
+    """Yield the predicted F'_ior over the full mesh cycle, and the part of the cycle to record next.
+
+    Yield nothing for a whole cycle, or if no model extends the recorded part.
+    """
     cycle = direction.by_model
-    # for a whole cycle, the table shows the interval
+    # for a whole cycle, the table already shows the interval
     if cycle is None or result.gearing is None or not direction.is_bound:
         return
     low, high = cycle.interval_arcsec
@@ -245,21 +248,24 @@ def _facts(
     missing = [source.name for source in first_sweep.sources if source.arcsec is None]
     yield "not in u", f"{', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
-    # no further command can read the same standard input
+    # standard input cannot be read again by a further command
     if file != STDIN:
         yield "next", _next_command(result, drive, options)
 
 
 def _orders_words(found: SweepResult) -> str:
-    """Return the largest orders of a direction in words, with the amplitude without sidebands if it is known."""
+    """Return the largest orders of a direction as text, each with its amplitudes with and without sidebands.
+
+    The amplitude without sidebands is omitted if it is unknown.
+    """
     largest = sorted(found.orders_of_cam, key=lambda order: -order.amplitude_arcsec)[:_NAMED_ORDERS]
-    # amplitudes over whole output revolutions may be much larger; if none is known, one note at the end says so
+    # amplitudes over whole output revolutions may be much larger; if none is known, a single note replaces the others
     of_recording = all(order.is_of_record for order in largest)
     named = []
     for order in largest:
         spread = f" ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}" if not order.is_of_record else ""
         place = " in this recording" if order.is_of_record and not of_recording else ""
-        # the amplitude without sidebands is known for whole output revolutions only
+        # only whole output revolutions determine the amplitude without sidebands
         alone = None if order.is_of_record else found.order_alone(order.per_cam_rev)
         without = f" ({alone.amplitude_arcsec:.2f}″)" if alone else ""
         named.append(f"order {order.per_cam_rev:g}: {order.amplitude_arcsec:.2f}{spread}″{place}{without}")
@@ -270,7 +276,7 @@ def _orders_words(found: SweepResult) -> str:
 
 
 def _line_facts(found: SweepResult) -> Iterator[Fact]:
-    """Yield the lines between the orders, and the stated shafts without a component, each as a label and a text."""
+    """Yield the spectral lines between the orders, and the stated shafts without a component, as labelled texts."""
     if found.lines:
         lines = ", ".join(_line_words(line, found) for line in found.lines)
         rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
@@ -279,19 +285,19 @@ def _line_facts(found: SweepResult) -> Iterator[Fact]:
 
 
 def _line_words(line: MeasuredOrder, found: SweepResult) -> str:
-    """Return the order and amplitude of a spectral line in words, with the name of the stated shaft that causes it."""
+    """Return the order and amplitude of a spectral line as text, with the names of the stated shafts that cause it."""
     shafts = [component.shaft for component in found.shafts if component.is_line(line.per_cam_rev)]
     return f"{line.per_cam_rev:.3f} ({', '.join([f'{line.amplitude_arcsec:.2f}″', *shafts])})"
 
 
 def _shaft_table(found: SweepResult) -> Table:
-    """Return the table of the components of the stated shafts, without the reasons for missing components."""
+    """Return the table of the components of the stated shafts, without the column of reasons for missing components."""
     title = "components of stated shafts: amplitude·cos(order·angle + phase)"
     return Table.by_row(title, [column for column in _SHAFTS if column.key != "missing"], found.shafts)
 
 
 def _shaft_words(found: SweepResult) -> str:
-    """Return the shafts whose component the recording does not determine, with the reasons; empty if there are none."""
+    """Return the stated shafts whose component is missing, with the reasons, as text; empty if none is missing."""
     missing = [component for component in found.shafts if component.missing]
     return "; ".join(f"{component.shaft}: {component.missing}" for component in missing)
 
@@ -301,18 +307,19 @@ def _next_command(
     drive: Drive | None,
     options: Sequence[str],
 ) -> str:
-    """Return the command that follows a recording.
+    """Return the next command after a recording.
 
-    After a part of the cycle, it compares the recording with the prediction; after the full cycle of a drive, it finds
-    the hole of the fixed wheel; for a joint, or without a preset, it computes a correction.
+    If the recording covers a part of the cycle, the command compares it with the prediction. If it covers the full
+    cycle of a drive, the command finds the hole of the fixed wheel. For a joint with a travel, or without a preset, the
+    command computes a correction.
     """
     file = result.trace.file
     gearing = result.gearing
-    # a part of a cycle can be compared, but not corrected
+    # a recording of a part of the cycle can be compared, but gives no correction
     if not gearing or result.directions[0].is_bound:
         return again("compare", drive, file, *options)
     travel = ["--travel", f"{gearing.travel_deg:.6g}"] if gearing.travel else []
-    # mount takes a measured error as the value of hole 0
+    # mount reads the recording as the value measured in hole 0
     if drive or result.trace.angle_of == "output":  # a recording of the output angle needs a preset for a correction
         command, record = ("compensate", [file, *travel]) if travel else ("mount", [f"h0={file}"])
         return again(command, drive, *record, *options)
@@ -321,13 +328,13 @@ def _next_command(
 
 
 def _reversal_words(reversal: Reversal) -> str:
-    """Return the lost motion of a recording in both directions in words, with a note on any lag that it includes."""
+    """Return the lost motion between both directions of a recording as text, with a note on any included lag."""
     reach = COVERAGE_FACTOR * reversal.lost_motion_standard_uncertainty_arcsec
     text = (
         f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ (k = {COVERAGE_FACTOR:g}) at reversal "
         "(backlash, friction, hysteresis)"
     )
-    # one speed does not distinguish friction from lag
+    # friction and lag cannot be distinguished at a single speed
     if reversal.by == "one speed":
         size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
         text += f", encoder lag{size} included (record two speeds to remove it)"
@@ -336,7 +343,10 @@ def _reversal_words(reversal: Reversal) -> str:
 
 
 def _slope_object(result: Measurement, speed: float | None) -> Json:
-    """Return the largest slope with its standard uncertainty, and the rate at a speed [arcsec/s], as JSON."""
+    """Return the largest slope with its standard uncertainty, and the rate, as JSON.
+
+    speed: output speed [arcsec/s] that converts the slope to a rate; None if it is not given.
+    """
     slope, uncertainty = result.slope_arcsec_per_deg or (None, None)
     rate = None if slope is None or speed is None else slope * speed / 3600
     return {
@@ -347,7 +357,7 @@ def _slope_object(result: Measurement, speed: float | None) -> Json:
 
 
 def _torque(torque: RecordedTorque) -> str:
-    """Return the torque of a recording in words, with the removed wind-up and the stiffness used for it."""
+    """Return the torque of a recording as text, with the removed wind-up and the stiffness by which it was computed."""
     text = f"mean {torque.mean_Nm:.4g} N·m, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g} N·m"
     if not torque.by:
         return text
@@ -360,7 +370,7 @@ def _torque(torque: RecordedTorque) -> str:
 
 
 def _at_torques(found: SweepResult) -> str:
-    """Return F'_ior at each torque in words; empty if the recording does not show how the orders change with torque."""
+    """Return F'_ior at each torque as text; empty if the recording does not show how the orders change with torque."""
     if not found.torques:
         return ""
     texts = (
@@ -373,13 +383,16 @@ def _at_torques(found: SweepResult) -> str:
 
 
 def _slow(found: SweepResult) -> str:
-    """Return the slow terms of the output in words: size, possible cause, F'_ior without them; empty if small."""
-    # the details show small terms
+    """Return the size and the possible cause of the slow terms, and F'_ior without these terms, as text.
+
+    The text is empty if the slow terms are small.
+    """
+    # small terms appear in the details only
     if found.slow_arcsec < _NAMED_SLOW * found.range.value:
         return ""
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
     size = f"{found.slow_arcsec:.2f}″"
-    # a part of an output revolution does not determine their cause, so they were removed
+    # a part of an output revolution does not determine the cause of slow terms, so they were removed
     if found.is_part:
         return f"slow terms of {size} removed. Part of an output revolution does not separate test rig, drift and drive"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
@@ -390,7 +403,7 @@ def _slow(found: SweepResult) -> str:
 
 
 def _curve(found: SweepResult) -> Curve:
-    """Return the curve of the error in the first sweep of a direction, without the removed terms."""
+    """Return the curve of the error in the first sweep of a direction; the removed terms are not part of the curve."""
     first = found.bins.sweep == 0
     title = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
     turns = found.bins.turns[first]
@@ -398,7 +411,7 @@ def _curve(found: SweepResult) -> Curve:
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
-    """Yield the section of a direction, with its orders and its uncertainty budget."""
+    """Yield the section with the orders and the uncertainty budget of a direction."""
     shown = _ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else _ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} largest of {len(found.orders)}"
@@ -415,7 +428,7 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
 
 
 def _sweep(found: SweepResult) -> Json:
-    """Return one direction as a JSON object, with F'_ior of the full cycle, or the reason why it is missing."""
+    """Return the results of one direction as JSON, with the full cycle or the reason why it is missing."""
     cycle = found.full_cycle
     return {
         **as_object(_SWEEP_QUANTITIES, found),
@@ -430,11 +443,11 @@ def _sweep(found: SweepResult) -> Json:
 
 
 def _line(found: SweepResult) -> str:
-    """Return F'_ior with its 95 % interval in one line; for a lower bound, the lower end of the interval."""
+    """Return F'_ior with its 95 % interval as text; for a lower bound, only the lower end of the interval."""
     if found.is_bound:
         return f">= {found.interval_arcsec[0]:.2f}″"
     low, high = found.interval_arcsec
-    # both half-widths are compared as printed
+    # the half-widths are compared after rounding, because equal printed values need one sign ± only
     upper_reach = f"{high - found.F_ior_arcsec:.2f}"
     lower_reach = f"{found.F_ior_arcsec - low:.2f}"
     spread = f"± {lower_reach}" if upper_reach == lower_reach else f"+{upper_reach} -{lower_reach}"
@@ -442,9 +455,9 @@ def _line(found: SweepResult) -> str:
 
 
 def _csv(result: Measurement) -> CsvTable:
-    """Return the table with one row per angle step and direction.
+    """Return the CSV table with one row per angle step and direction.
 
-    Each row has the error without its level and drift, and the fitted curve.
+    Each row contains the error after the removal of level and drift, and the fitted error.
     """
     rows: list[list[Any]] = []
     for of_direction in result.directions:
@@ -457,7 +470,10 @@ def _csv(result: Measurement) -> CsvTable:
 
 
 def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
-    """Return the mean and spread of F'_ior over repeat runs, for JSON and in a line; both are empty for one file."""
+    """Return the mean and standard deviation of F'_ior over repeat runs, as JSON and as a list of one line.
+
+    Both are empty for a single file.
+    """
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
         return {}, []
@@ -469,7 +485,7 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
 
 
 def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> list[str]:
-    """Return the lines of a table with F'_ior of each joint of a log."""
+    """Return the lines of a text table with F'_ior of each joint of a log."""
     measured = iter(results)
     rows = [("joint", "F'_ior, ″", "95 % interval, ″", "covered, %")]
     for report in reports:
@@ -508,10 +524,10 @@ _SEEN_RANGE = quantity_table(
 
 @dataclass(frozen=True)
 class _BenchResults:
-    """Quantities of approached positions or of torque loops."""
+    """Results of approached positions or of torque loops."""
 
     quantities: Sequence[StatedQuantity]
-    places: tuple[PlaceLoop, ...] = ()  # torque loops, by output angle
+    places: tuple[PlaceLoop, ...] = ()  # torque loops at each output angle; empty for approached positions
     positions: SeenRange | None = None  # range of F'_ior; None for loops, or if approached positions do not give one
     iso230: PositioningTest | None = None  # figures of ISO 230-2; None for loops, or if positions do not give them
 
@@ -524,8 +540,8 @@ class _BenchResults:
     ) -> _BenchResults:
         """Return the results of a record.
 
-        record: approaches or loops.
-        drive: drive that was tested, whose rated torque applies; None if it is unknown.
+        record: approached positions or torque loops.
+        drive: tested drive, whose rated torque is used; None if it is unknown.
         seed: seed of the simulated approaches.
         """
         if isinstance(record, PositionRecord):
@@ -559,7 +575,7 @@ class _BenchResults:
 
     @property
     def line(self) -> str:
-        """The quantities in one line, each with its expanded uncertainty if it is known."""
+        """The result of -q in one line: all quantities, each with its expanded uncertainty if it is known."""
         lines = [self.verdict] if self.has_reversal_verdict else []
         for quantity in self.quantities:
             is_known = quantity.uncertainty_arcsec is not None
@@ -573,7 +589,7 @@ def _bench_object(
     results: _BenchResults,
     seed: int,
 ) -> Json:
-    """Return the quantities of a record by the keys of the JSON result."""
+    """Return the results of approached positions or of torque loops, by the keys of the JSON result."""
     table = record.table
     return {
         "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
@@ -592,13 +608,13 @@ def bench_report(
     seed: int,
     options: Sequence[str] = (),
 ) -> Report:
-    """Return the quantities of approached positions, or of torque loops, as a report.
+    """Return the report of the quantities from approached positions or from torque loops.
 
     Args:
-        record: approaches or loops.
-        drive: drive that was tested, whose rated torque applies; None if it is unknown.
+        record: approached positions or torque loops.
+        drive: tested drive, whose rated torque is used; None if it is unknown.
         seed: seed of the simulated approaches.
-        options: options by which the file was read, for the next command.
+        options: options with which the file was read, to be repeated in the next command.
     """
     table = record.table
     results = _BenchResults.of(record, drive, seed)
@@ -633,10 +649,10 @@ def bench_report(
 
 
 def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
-    """Return the rated torque [N*m] of the drive, or the largest torque of the loops, and note it in the record."""
+    """Return the rated torque [N*m] of the drive, or the largest torque of the loops, and add a note to the record."""
     rated = drive.operation.rated if drive else None
     basis = "the preset"
-    # a loop is usually run up to the rated torque
+    # loops usually reach the rated torque
     if rated is None:
         hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET states its own"
         rated = float(abs(record.torque_Nm).max())
@@ -652,16 +668,18 @@ def _accept_command(
     positions: SeenRange | None,
     options: Sequence[str],
 ) -> str:
-    """Return the command that accepts a drive by measured quantities; empty if there are none, or for standard input.
+    """Return the command that accepts a drive by its measured quantities.
+
+    The text is empty if there are no quantities, or if the record came from standard input.
 
     Args:
         file: file of the record.
-        drive: drive that was tested, None if it is unknown.
+        drive: tested drive, None if it is unknown.
         quantities: quantities with a known uncertainty.
-        positions: range of F'_ior from approached positions, None without one.
-        options: options by which the file was read.
+        positions: range of F'_ior from approached positions, None if there is none.
+        options: options with which the file was read.
     """
-    # the file itself is the measurement, and one option gives all its quantities
+    # accept reads the quantities from the file, so no values are passed on
     if positions and positions.M_g and file != STDIN:
         budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
         arguments = ["--measured", f"{positions.M_g:.15g}={file}", "--measured-only", *options, *budget]
@@ -677,7 +695,7 @@ def _accept_command(
 
 
 def _reversal_verdict(test: PositioningTest) -> str:
-    """Return the mean reversal value in words, with its expanded uncertainty if the scatter is known."""
+    """Return the mean reversal value as text, with its expanded uncertainty if the scatter is known."""
     reversal = test.figure("B_mean")
     value = reversal.arcsec if reversal else 0.0
     if test.reversal_uncertainty_arcsec is None:
@@ -687,7 +705,7 @@ def _reversal_verdict(test: PositioningTest) -> str:
 
 
 def _iso230_table(test: PositioningTest) -> Table:
-    """Return the table of figures as defined in ISO 230-2; its title states the number of approaches."""
+    """Return the table of the figures defined in ISO 230-2; the title states the number of approaches."""
     required = "" if test.is_complete else f" (the standard requires {FEWEST_APPROACHES})"
     noun = "approach" if test.approaches == 1 else "approaches"
     number = f"{test.approaches} {noun} from each side{required}"
@@ -695,7 +713,7 @@ def _iso230_table(test: PositioningTest) -> Table:
 
 
 def _iso230_object(test: PositioningTest) -> Json:
-    """Return the figures as defined in ISO 230-2, as JSON."""
+    """Return the figures defined in ISO 230-2 as JSON."""
     return {
         "positions": test.positions,
         "approaches": test.approaches,
@@ -708,7 +726,7 @@ def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
         return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
-    # the captured shares are valid for the planned positions only
+    # the captured shares of the plan are valid only if all planned positions were measured
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"
     if not found.seen:
@@ -731,7 +749,7 @@ def history_report(
     archive: str,
     entries: Sequence[ArchiveEntry],
 ) -> Report:
-    """Return the report of the change of F'_ior of a drive, compared with its uncertainty.
+    """Return the report on the history of a drive, which compares changes of F'_ior with their uncertainty.
 
     serial: serial number of the drive.
     archive: name of the archive.
@@ -775,7 +793,7 @@ def history_report(
 
 
 def _sentence(found: DriveHistory) -> str:
-    """Return the change of a history in words."""
+    """Return a sentence with the range of F'_ior in a history and the probability of such a spread without a change."""
     values = [entry.F_ior_arcsec for entry in found.entries]
     first, *_ = found.entries
     hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
@@ -793,7 +811,7 @@ def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
 
 
 def _history_curve(found: DriveHistory) -> Curve:
-    """Return the curve of F'_ior over the days since the first measurement, with its intervals."""
+    """Return the curve of F'_ior, with its intervals, over the days since the first measurement."""
     first, *_ = dates = [date.fromisoformat(entry.date) for entry in found.entries]
     days = np.array([(day - first).days for day in dates], dtype=float)
     ends = [(day, entry.low_arcsec, entry.high_arcsec) for day, entry in zip(days, found.entries, strict=True)]

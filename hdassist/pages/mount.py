@@ -54,14 +54,14 @@ from hdassist.terminal.words import Texts, again, heading, influence_words, samp
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 _VERIFICATION_WORDS = {"KEEP": "KEEP", "GO_BACK": "GO BACK", "MEASURE_AGAIN": "MEASURE AGAIN"}
-_ANY_LINE = "any"  # output of -q in place of a hole
+_ANY_LINE = "any"  # output of -q if any hole may be chosen
 _NO_HOLE_BETTER = {
     "floating": "the wave generator aligns itself (stiffness of its support: 0), so its eccentricity has no effect",
     "standing": "no part that is fixed to the housing seat has a deviation",
     "turning": "the fixed wheel has no deviation, so its hole has no effect",
 }
-_ROWS = 3  # number of holes on the first screen, in addition to the present and the worst hole
-_APART = 3.0  # standard deviations by which values of one hole may differ without a warning
+_ROWS = 3  # number of best-ranked holes on the first screen, which also shows the present and the worst hole
+_APART = 3.0  # largest difference without a warning between two values of one hole, in standard deviations
 
 
 def mount_report(
@@ -71,12 +71,13 @@ def mount_report(
     carded: bool = False,
     sure: float | None = None,
 ) -> Report:
-    """Return the choice of a hole for a drive as a report.
+    """Return the report of the choice of a hole for a drive.
 
     advice: choice of a hole.
-    seed: seed of its samples.
+    seed: seed of the samples.
     carded: whether a card is written.
-    sure: required probability, None if none is required; a choice with a smaller probability has exit code 6.
+    sure: required probability that the choice is right, None if none is required. With a smaller probability, the exit
+        code is 6.
     """
     drive = advice.drive
     figures = list[Figure](_position_curves(advice))
@@ -86,14 +87,14 @@ def mount_report(
     where = f"{TRADE[drive.mounting.fixed]}{heading(advice.measured)}"
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
-        # values without a stated uncertainty have that of --noise or its default
+        # a value without a stated uncertainty has the uncertainty given by --noise or by its default
         is_each_known = all(trial.noise_arcsec for trial in advice.trials)
         spread = "" if is_each_known else f" (± {2 * advice.setup.noise_arcsec:g}″, k = 2)"
         where = f"{count} measured value{'s' if count > 1 else ''}{spread} at {torques} N·m"
     decision = advice.decision
     stay = () if decision.stay is None else (decision.stay,)
     rows = dict.fromkeys((decision.best, *decision.ranked[:_ROWS], *stay, decision.ranked[-1]))
-    if decision.all_alike:  # differences between holes are due to chance
+    if decision.all_alike:  # the differences between the holes are due to chance
         rows = {decision.best: None}
     return Report(
         command="mount",
@@ -118,7 +119,7 @@ def mount_report(
 
 
 def _verdict(advice: Advice) -> str:
-    """Return the word for the choice, and the hole unless all holes are equal."""
+    """Return the verdict in words: the word for the choice, followed by the hole unless all holes are equal."""
     if not advice.names_hole:
         return WORDS[advice.word]
     word = _VERIFICATION_WORDS[advice.verification.verdict] if advice.verification else WORDS[advice.word]
@@ -126,7 +127,7 @@ def _verdict(advice: Advice) -> str:
 
 
 def _exit_code(advice: Advice, sure: float | None) -> int:
-    """Return the exit code of a choice; sure: required probability, None if none is required."""
+    """Return the exit code of a choice; sure: required probability of the choice, None if none is required."""
     if advice.verification and advice.verification.verdict == "GO_BACK":
         return Verdict.FAIL.exit_code
     if advice.verification and advice.verification.verdict == "MEASURE_AGAIN":
@@ -221,7 +222,7 @@ def _repeat_warnings(
     after: HolePosterior,
     say: Texts,
 ) -> Iterator[str]:
-    """Yield a warning about each pair of values in one position that differ by more than noise explains."""
+    """Yield a warning for each pair of values of one position whose difference is too large to be noise."""
     for k, later in enumerate(advice.trials):
         for earlier in advice.trials[:k]:
             if advice.setup.point(later) != advice.setup.point(earlier):
@@ -241,7 +242,7 @@ def _where(
     rotation_deg: float,
     say: Texts = ENGLISH,
 ) -> str:
-    """Return a position in words, with its angle."""
+    """Return a position as text, with its angle."""
     hole = hole_of(rotation_deg, advice.drive.mounting.holes)
     angle = say.angle(rotation_deg)
     return angle if hole is None else f"{place_at(rotation_deg, hole, say)} ({angle})"
@@ -264,12 +265,15 @@ def _measured(
 
 
 def instruction_of(advice: Advice) -> str:
-    """Return the instruction for the fixed wheel; if no hole is better than another, the reason comes first."""
+    """Return the instruction for the fixed wheel, after the reason if no hole is better than another."""
     return " ".join(filter(None, reversed(order_and_reason(advice))))
 
 
 def order_and_reason(advice: Advice) -> tuple[str, str]:
-    """Return the instruction for the fixed wheel, and the reason why no hole is better; empty if a hole is better."""
+    """Return the instruction for the fixed wheel, and the reason why no hole is better than another.
+
+    The reason is empty if one hole is better than the others.
+    """
     if advice.verification:
         return _verification_words(advice, advice.verification), ""
     if advice.to_repeat:  # F'_ior in the chosen hole depends on the doubtful value
@@ -292,7 +296,10 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
 
 
 def _verification_words(advice: Advice, checked: Verification) -> str:
-    """Return the instruction that follows from a value measured after bolting, with the predicted interval."""
+    """Return the instruction that follows from a value measured after bolting.
+
+    The instruction states the measured value and its predicted interval.
+    """
     fixed = wheel(advice.drive)
     predicted = f"predicted {checked.mean_arcsec:.1f}″ ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f}″, 95 %)"
     compared = f"Measured {_measured(advice, checked.trial)}; {predicted}."
@@ -316,7 +323,7 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
 
 
 def _repeat_words(advice: Advice) -> str:
-    """Return the instruction to repeat a doubtful value first; empty if no value is doubtful."""
+    """Return the instruction to measure a doubtful value again; empty if no value is doubtful."""
     doubted = advice.to_repeat
     if not (doubted and advice.after):
         return ""
@@ -337,7 +344,10 @@ def _why(advice: Advice) -> Iterator[str]:
 
 
 def _probability_words(advice: Advice) -> str:
-    """Return the probability of the choice in words; empty if no hole is better than another."""
+    """Return a sentence with the probability of the choice, or with the reason why the probability is unknown.
+
+    If no hole is named, the sentence states the fault of the samples, and is empty without a fault.
+    """
     decision = advice.decision
     if not advice.names_hole:
         return f"F'_ior is that at nominal values: {advice.fault}." if advice.fault else ""
@@ -392,7 +402,10 @@ def next_value_words(advice: Advice) -> str:
 
 
 def _reason_before_stop(advice: Advice) -> str:
-    """Return the reason to measure a value whose gain is small; empty if the gain or the number of values decides."""
+    """Return the reason to measure a further value although its expected gain is small.
+
+    The text is empty if the gain is large enough, or if there are too few values to stop.
+    """
     if advice.values < FEWEST_VALUES or not advice.value or advice.value.is_worth(advice.worth):
         return ""
     if advice.doubtful:
@@ -410,11 +423,11 @@ def _reduction(
     F_ior: float,
     only: str = "",
 ) -> str:
-    """Return the reduction of F'_ior by further values in words.
+    """Return the reduction of F'_ior by further values as text.
 
-    For several torques it is the mean reduction in %, for one torque the mean F'_ior before and after it.
+    For several torques, the text gives the mean reduction in %; for one torque, the mean F'_ior before and after.
 
-    F_ior: mean F'_ior expected after the values.
+    F_ior: mean F'_ior [arcsec] expected after the further values.
     only: word before the reduction.
     """
     F_ior_now = advice.worths[0][1]
@@ -424,7 +437,7 @@ def _reduction(
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
-    """Return F'_ior expected after further values in words; gains: pairs of F'_ior and a number of values in words."""
+    """Return a sentence with F'_ior expected after further values; gains: pairs of F'_ior and its number of values."""
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
         shares = ", ".join(f"{100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % after {count}" for F_ior, count in gains)
@@ -434,7 +447,7 @@ def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
 
 
 def _elsewhere(advice: Advice) -> str:
-    """Return the deciding torque in words; empty if all values were measured at this torque."""
+    """Return the deciding torque as text; empty if all values were measured at this torque."""
     deciding = advice.torques[0]
     return "" if {deciding} == {*advice.torques_of_values} else f" at {deciding:g} N·m"
 
@@ -468,9 +481,9 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
 
 
 def _limit_words(advice: Advice, probability_met: Array) -> str:
-    """Return the probability of meeting the limits in the chosen hole, and in hole 0 if the wheel leaves it, in words.
+    """Return the probability of meeting the limits as text: in the chosen hole and, if this is another hole, in hole 0.
 
-    probability_met: probability of meeting the limits, by hole, shape (holes,).
+    probability_met: probability of meeting the limits in each hole, shape (holes,).
     """
     drive = advice.drive
     decision = advice.decision
@@ -484,7 +497,7 @@ def _limit_words(advice: Advice, probability_met: Array) -> str:
 
 
 def _next_names(advice: Advice) -> list[str]:
-    """Return the names of the positions to measure next, in the form of the command line."""
+    """Return the names of the positions to measure next, as written on the command line."""
     if not advice.trials or not advice.next:
         return [_name(advice, position.rotation_deg) for position in advice.to_try]
     name = _name(advice, advice.next.rotation_deg)
@@ -494,12 +507,12 @@ def _next_names(advice: Advice) -> list[str]:
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:
-    """Return the name of a position, in the form that the command line takes before a value."""
+    """Return the name of a position, as written before a measured value on the command line."""
     return named_position(rotation_deg, advice.drive.mounting.holes)
 
 
 def _more_facts(advice: Advice) -> Iterator[Fact]:
-    """Yield gain, contributions, samples, repeatability and eccentricity, each as a label and a text."""
+    """Yield gain, contributions, samples, repeatability, eccentricity and scale, each as a label and a text."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * gain for gain in advice.gain_range)
         places = f"F'_ior in {hole_place(advice.chosen)} relative to {start_of_count(advice.drive)}"
@@ -528,7 +541,7 @@ def _positions_table(
     places: Sequence[int],
     title: str = "",
 ) -> Table:
-    """Return a table of holes with F'_ior (median and range) and their probabilities; places: indices of the holes."""
+    """Return a table of F'_ior (median and range) and the probabilities of holes; places: indices of the holes."""
     decision = advice.decision
     is_sampled = decision.is_sampled
     stands_for_all = decision.all_alike and not title  # one row represents all holes
@@ -562,11 +575,11 @@ def _positions_table(
 
 
 def _names_of_places(advice: Advice) -> dict[int | None, str]:
-    """Return the names of the present, the worst and the best hole, by index of the hole."""
+    """Return the labels of the present, the worst and the best hole, by the index of the hole."""
     decision = advice.decision
     names = {decision.stay: _standing(advice)}
     if advice.names_hole:
-        # the best hole is named "best" even if it is the present one
+        # the best hole is labelled "best" even if the wheel is already in it
         names = {decision.ranked[-1]: "worst", **names, decision.best: "best"}
     if advice.verification:
         names[decision.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
@@ -580,7 +593,7 @@ def _position_row(
     *,
     stands_for_all: bool,
 ) -> tuple[str, ...]:
-    """Return the row of a hole: label, hole, F'_ior at each torque, probabilities and excess.
+    """Return the table row of a hole: label, hole, F'_ior at each torque, probabilities and excess.
 
     place: index of the hole.
     label: text of the first cell.
@@ -599,12 +612,15 @@ def _position_row(
 
 
 def _standing(advice: Advice) -> str:
-    """Return the word for hole 0, which is the present hole of the wheel, or after trials its first hole."""
+    """Return the word for hole 0: "now" if the wheel is still in it, or "first" after measurements in other holes."""
     return "first" if advice.trials else "now"
 
 
 def _position_curves(advice: Advice) -> Iterator[Curve]:
-    """Yield F'_ior over positions of the wheel at each torque: nominal drive, ranges over samples, values, limit."""
+    """Yield the curve of F'_ior over the positions of the wheel for each torque.
+
+    A curve includes the ranges over the samples, the measured values and the limit, as far as these exist.
+    """
     decision = advice.decision
     curve = advice.curve
     places = range(len(decision.rotations_deg))
@@ -654,7 +670,7 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
 
 
 def _turn_unit(advice: Advice) -> float:
-    """Return the angle [deg] of one unit on the axis of positions: the pitch of the holes, or 1 for a free angle."""
+    """Return the angle [deg] of one unit on the axis of positions: the hole spacing, or 1 if the angle is free."""
     holes = advice.drive.mounting.holes
     return 360 / holes if holes else 1.0
 
@@ -664,7 +680,7 @@ def _curve_notes(
     M_g: float,
     limit: float | None,
 ) -> Iterator[str]:
-    """Yield notes on the curve at a torque; limit: limit minus self error [arcsec], which is drawn as a line."""
+    """Yield notes on the curve at a torque; limit: limit minus self error [arcsec], drawn as a line, or None."""
     if advice.decision.is_sampled:
         yield "median, 5 to 95 %"
     elif advice.unknown:
@@ -678,7 +694,7 @@ def _curve_marks(
     torque: int,
     middle_arcsec: Array,
 ) -> Iterator[CurveMark]:
-    """Yield the marks of the curve at a torque: measured values, and the present, the best and the next hole.
+    """Yield the marks on the curve at a torque: measured values, and the present, the best and the next hole.
 
     Args:
         advice: choice of a hole.
@@ -720,7 +736,7 @@ def _curve_marks(
 
 
 def _values(advice: Advice, seed: int) -> Json:
-    """Return a choice as JSON, which has the same keys for any inputs."""
+    """Return a choice as JSON with the same keys for any inputs."""
     curve = advice.curve
     after = advice.after
     return {
@@ -741,10 +757,10 @@ def _values(advice: Advice, seed: int) -> Json:
 
 
 def _choice_values(advice: Advice) -> Json:
-    """Return the chosen position and all positions, as JSON."""
+    """Return the chosen position and the results of all positions, as JSON."""
     decision = advice.decision
     goal = _goal(advice)
-    # ratio of the largest to the smallest F'_ior at each torque: 5th and 95th percentile
+    # 5th and 95th percentile, at each torque, of the ratio of the largest to the smallest F'_ior
     ratio_ranges = [decision.range_of(F_ior.max(axis=1) / F_ior.min(axis=1))[::2] for F_ior in decision.F_ior_arcsec]
     return {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
@@ -770,7 +786,7 @@ def _choice_values(advice: Advice) -> Json:
 
 
 def _gain_values(advice: Advice) -> Json:
-    """Return the expected gain from further values and from a turn, and the contributions to it, as JSON."""
+    """Return the expected gain from further values, the gain from a turn and the contributions to the gain, as JSON."""
     return {
         "next": _next(advice),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
@@ -825,7 +841,10 @@ def _trials(advice: Advice) -> Json:
 
 
 def _offset(after: HolePosterior | None) -> Json:
-    """Return mean and standard deviation of the wave generator's eccentricity, given the measured values, as JSON."""
+    """Return the wave generator's eccentricity given the measured values, as JSON.
+
+    Size and direction are each given by mean and standard deviation, which are null if unknown.
+    """
     size_um = after.offset[0] if after else np.zeros(0)  # shape (draws,)
     direction_deg, direction_sd_deg = after.facing if after else (None, None)
     return {
@@ -837,7 +856,7 @@ def _offset(after: HolePosterior | None) -> Json:
 
 
 def _verification(advice: Advice) -> Json | None:
-    """Return the verification of the choice as JSON; None without one."""
+    """Return the verification of the choice as JSON; None if the choice was not verified."""
     verification = advice.verification
     if not verification:
         return None
@@ -850,7 +869,7 @@ def _verification(advice: Advice) -> Json | None:
 
 
 def _goal(advice: Advice) -> Json:
-    """Return the chosen position as JSON, without hole and angle if all holes are equal."""
+    """Return the chosen position as JSON; hole and angles are null if all holes are equal."""
     names = ("rotation_deg", "phase_deg", "hole", "F_ior_arcsec")
     goal = attributes(advice.chosen, *names)
     if advice.names_hole:
@@ -859,7 +878,10 @@ def _goal(advice: Advice) -> Json:
 
 
 def _destination(advice: Advice) -> Json | None:
-    """Return the destination of the wheel and the shorter turn to it from hole 0, as JSON; None if all are equal."""
+    """Return the destination of the wheel and the shorter turn from hole 0 to it, as JSON.
+
+    Return None if all holes are equal.
+    """
     if not advice.names_hole:
         return None
     chosen = advice.chosen
@@ -880,7 +902,10 @@ def _destination(advice: Advice) -> Json | None:
 
 
 def _next(advice: Advice) -> Json | None:
-    """Return the hole to measure next, as JSON; None if measuring ends. The gain of a repeated value is null."""
+    """Return the hole to measure next, as JSON; None if no further value is needed.
+
+    The gain from repeating a doubtful value is null.
+    """
     value = advice.value
     if not advice.next or not (value or advice.to_repeat):
         return None
@@ -892,7 +917,7 @@ def _next(advice: Advice) -> Json | None:
 
 
 def _curve(curve: MountingCurve, torque: int) -> Json:
-    """Return F'_ior over the positions of the wheel at a torque, as JSON; torque: index of the torque."""
+    """Return the curve of F'_ior over the positions of the wheel as JSON; torque: index of its torque."""
     F_ior = curve.F_ior_arcsec[torque]
     every_state = curve.every_state[torque]
     angles = attributes(curve, "rotation_deg", "phase_deg")
@@ -900,7 +925,7 @@ def _curve(curve: MountingCurve, torque: int) -> Json:
 
 
 def _compensated(advice: Advice) -> Json | None:
-    """Return the residual error with a stored correction in each position, as JSON; None without a correction."""
+    """Return the residual error with a stored correction in each position, as JSON; None if there is no correction."""
     if not advice.compensated:
         return None
     form, compensated = advice.compensated

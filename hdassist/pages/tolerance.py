@@ -34,16 +34,16 @@ from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLa
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 
-_PLOTTED_SHARES = np.linspace(0, 100, 201)  # shares of the drives in a plot, %
+_PLOTTED_SHARES = np.linspace(0, 100, 201)  # shares of the drives at which a plot is evaluated, %
 _PLOTTED_ROWS = 5
-_AS_ASSEMBLED = "as assembled"  # words on pages for the CSV value "as built"
+_AS_ASSEMBLED = "as assembled"  # text on pages for the value "as built" in CSV files
 _MORE_DRIVES = "more drives (-n) may decide it"
-_FEW_DESIGNS = 8  # smallest number of designs that bounds the yield of the type well enough
+_FEW_DESIGNS = 8  # number of designs below which a warning says that the range of the yield is uncertain
 
 
 @dataclass(frozen=True)
 class _MountedDrives:
-    """Random drives at a torque, as assembled or in their best holes.
+    """Random drives at one torque, either as assembled or with each fixed wheel in its best hole.
 
     summary: results of all drives.
     point: results at the torque.
@@ -60,7 +60,7 @@ class _MountedDrives:
         return self.point.best if self.best else self.point.as_built
 
     def percentile(self, share: float) -> Percentile:
-        """Return the percentile of F'_ior over the drives [arcsec]."""
+        """Return a percentile of F'_ior over the drives [arcsec]; share: from 0 to 1."""
         return self.summary.percentile(self.F_ior, share)
 
     @property
@@ -70,7 +70,7 @@ class _MountedDrives:
 
 
 def _yield_words(found: YieldBelief, digits: str = ".0f") -> str:
-    """Return the median of a yield over the designs, or the yield of the only design, with its interval in words."""
+    """Return a yield with its interval as text: the median over the designs, or the yield of the only design."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
     low, high = (format(100 * end, digits) for end in found.range)
     return f"{100 * middle:{digits}} % ({low} to {high})"
@@ -105,8 +105,8 @@ _YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 
 
 def _verdict_of_drives(summary: Summary) -> str:
-    """Return the verdict on the required yield, or the yield itself if no yield is required."""
-    # with limits but without a required yield, the yield is the result
+    """Return the verdict on the required yield; if no yield is required but there are limits, return the yield."""
+    # without a required yield there is no verdict, so the yield is the result
     if summary.has_limit and summary.wanted is None:
         return _yields(summary)
     return str(summary.verdict)
@@ -117,33 +117,36 @@ def _measure_words(
     gains: Sequence[MeasurementGain],
     M_g: float,
 ) -> str:
-    """Return the measurements that may give a verdict, or the hint to use more drives; empty if there is a verdict."""
+    """Return the measurements that may decide the verdict, or else the hint to sample more drives, as text.
+
+    The text is empty unless the verdict is INCONCLUSIVE.
+    """
     if summary.verdict is not Verdict.INCONCLUSIVE:
         return ""
     return measure_words(gains, M_g) or _MORE_DRIVES
 
 
 def _head_of_drives(law: ProductionLaw, summary: Summary) -> str:
-    """Return the subject of the page: the drive, the number of random drives, and the number of their designs."""
+    """Return the heading of the page: the drive, the number of random drives, and the number of their designs."""
     designs = f" of {summary.design_count} sampled designs" if law.shared else ""
     return f"{law.drive.name}, {summary.count} random drives{designs}"
 
 
 def _least_yield_torque(summary: Summary) -> int:
-    """Return the index of the torque with the smallest yield of drives in their best holes."""
-    # drives are mounted in their best holes
+    """Return the index of the torque at which the yield is smallest, with each fixed wheel in its best hole."""
+    # True selects the best holes
     shares = [summary.yield_of(True, point).share for point in summary.points]
     return shares.index(min(shares))
 
 
 def _plots_by_torque(summary: Summary, drives: Sequence[_MountedDrives]) -> list[Curve]:
-    """Return a plot for each torque with the distributions of F'_ior as assembled and in the best holes."""
+    """Return one plot per torque, with the distribution of F'_ior as assembled and in the best holes."""
     return [_share_below([of_way for of_way in drives if of_way.point is point]) for point in summary.points]
 
 
 def _mounted_drives(summary: Summary) -> list[_MountedDrives]:
-    """Return the drives at each torque as assembled, and in their best holes if the fixed wheel has several."""
-    # with a single position, the wheel as assembled is in its best hole
+    """Return the drives at each torque, as assembled and, if the wheel has several positions, in the best holes."""
+    # a wheel with a single position is always in its best hole
     ways = (False, True) if summary.positions > 1 else (False,)
     return [_MountedDrives(summary, point, best) for point in summary.points for best in ways]
 
@@ -156,30 +159,30 @@ def tolerance_report(
     *,
     interrupted: bool = False,
 ) -> Report:
-    """Return random drives as a report.
+    """Return the report of random drives: their F'_ior and their yield.
 
     law: distributions of the random drives.
     seed: seed of the random drives.
     summary: results of the drives.
-    samples: samples of their designs, None if there is one design or if the drives were stored before.
+    samples: samples of the designs; None for a single design, or if all drives were stored by an earlier run.
     interrupted: whether the user stopped the computation.
     """
     drive = law.drive
     points = summary.points
     drives = _mounted_drives(summary)
     worst = _least_yield_torque(summary)
-    # only if designs differ does a measurement reduce the range of the yield
+    # a measurement narrows the range of the yield only if designs differ
     gains = to_measure(law, samples, worst) if samples else ()
     table = _drives_table(law, summary, drives)
     plots = _plots_by_torque(summary, drives)
-    # the short page plots the torque with the smallest yield, the details plot the other torques
+    # the short page shows the plot for the torque with the smallest yield, and the details show the other plots
     worst_plot = plots.pop(worst)
     facts = [
         ("best hole", _best_of(summary, drives)),
         ("measure", _measure_words(summary, gains, points[worst].M_g)),
         ("next", again("sensitivity", drive)),
     ]
-    # the assumptions behind all numbers of the page
+    # all numbers on the page depend on these distributions
     distributions = Facts((("distributions", _drawn(law, seed)),))
     return Report(
         command="tolerance",
@@ -203,7 +206,7 @@ def _drives_table(
     summary: Summary,
     drives: Sequence[_MountedDrives],
 ) -> Table:
-    """Return the table of the percentiles of F'_ior of random drives, with their yield if there is a limit."""
+    """Return the table of the percentiles of F'_ior over random drives, with the yield if there is a limit."""
     title = "F'_ior of drives of this type, ″ (percentiles)"
     if summary.has_limit and law.shared:
         title += f"; yield: median ({100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} %) over designs"
@@ -214,7 +217,7 @@ def _drives_table(
 
 
 def _tolerance_line(summary: Summary, table: Table) -> str:
-    """Return the result in short: the yield if there is a limit, or else the 95th percentile in each row of the table.
+    """Return the result for -q: the yield, or without a limit the 95th percentile from each row of the table.
 
     table: table of the page.
     """
@@ -227,9 +230,9 @@ def _tolerance_line(summary: Summary, table: Table) -> str:
 def drive_table(
     production: Production, records: Iterable[RandomDrive]
 ) -> tuple[dict[str, type], Iterator[tuple[Any, ...]]]:
-    """Return random drives as a table: the type of each column by name, and one row per drive.
+    """Return random drives as a table: the type of each column by its name, and one row per drive.
 
-    A missing value is None.
+    Missing values are None.
     """
     torques = [repr(M_g).removesuffix(".0") for M_g in production.torques]
     F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
@@ -251,14 +254,14 @@ def drive_table(
 
 
 def _drawn(law: ProductionLaw, seed: int) -> str:
-    """Return the distributions of the random drives in words."""
+    """Return the distributions of the random drives as text."""
     laws = ", ".join(sorted({field.law for field in law.own if isinstance(field, TolerancedSize)}))
     parts = [f"stated sizes: {laws}" if laws else "", "others: even" if law.not_given else "", f"seed {seed}"]
     return "; ".join(filter(None, parts))
 
 
 def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
-    """Yield a warning if there are too few designs to bound a yield, and a warning about drives without a result."""
+    """Yield a warning if there are too few designs for the range of a yield, and one if drives have no result."""
     if law.shared and summary.design_count < _FEW_DESIGNS:
         designs = f"only {summary.design_count} designs were sampled"
         yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
@@ -267,7 +270,10 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
-    """Return the reason why the best hole may be worse than the hole as assembled at a torque; empty if it is not."""
+    """Return the reason why, at some torque, the best hole is worse than the hole as assembled.
+
+    The text is empty if no percentile of F'_ior is larger in the best holes than as assembled.
+    """
     built, best = (
         np.array(
             [[_percentile(share, curves) for *_, share in _PERCENTILES] for curves in drives if curves.best is way]
@@ -282,7 +288,7 @@ def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
 
 
 def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
-    """Return the warnings about a drive, and about the distributions of its random drives."""
+    """Return the warnings about a drive and about the distributions of the random drives."""
     if not law.not_given:
         return law.drive.origin.warnings
     names = ", ".join(law.not_given)
@@ -297,7 +303,7 @@ def _yields(summary: Summary) -> str:
 
 
 def _reasons(summary: Summary) -> Iterator[str]:
-    """Yield the probability of the required yield, and the yields; without a limit, the gain of the best hole."""
+    """Yield the probability of the required yield, and the yields; without a limit, the gain from the best hole."""
     if summary.has_limit and summary.wanted is not None:
         probability = summary.yield_of(True).probability(summary.wanted).text(summary.sure)
         name = "best-hole yield" if summary.positions > 1 else "yield"
@@ -373,7 +379,7 @@ def _values(
 
 
 def _F_ior_object(drives: _MountedDrives) -> Json:
-    """Return the percentiles of F'_ior of random drives and their Monte Carlo intervals, as JSON."""
+    """Return the percentiles of F'_ior over random drives, with their Monte Carlo intervals, as JSON."""
     percentiles = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
     intervals = {
         f"{name}_interval_arcsec": (percentile.low, percentile.high) for name, percentile in percentiles.items()
@@ -402,7 +408,7 @@ def _yield_range(found: YieldBelief) -> Json:
     return {"share": found.share, "low": low, "high": high}
 
 
-_LISTED = (5, 3)  # number of fields on the first screen: fields with a tolerance, and other fields
+_LISTED = (5, 3)  # numbers of fields on the first screen, with a tolerance and without
 _NO_SHARE = "-: contribution too small to distinguish from chance with this number of drives (-n)"
 _UNDECIDED = "no tolerance, more drives are needed"
 _MORE_TIMES = 4
@@ -436,7 +442,7 @@ _EFFECT_COLUMNS = quantity_table(
 
 
 def _reduction_words(way: Tightened, unit: str = "") -> str:
-    """Return the reduction of the 95th percentile by a tighter tolerance with its interval in per cent, as text."""
+    """Return the relative reduction of the 95th percentile by a tighter tolerance, with its interval [%], as text."""
     return f"{100 * way.reduction:z.0f}{unit} ({100 * way.reduction_low:z.0f} to {100 * way.reduction_high:z.0f})"
 
 
@@ -448,16 +454,16 @@ def _allocate_command(sensitivities: Sensitivities) -> str:
 
 
 def sensitivity_report(found: Sensitivities) -> Report:
-    """Return the sensitivities of a drive as a report."""
+    """Return the report of the sensitivities of a drive."""
     law = found.law
     samples = found.samples
     torques = found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
-    # an input without a tolerance contributes most, so it has to be measured first
+    # if an input without a tolerance contributes most, measuring this input comes first
     next_command = again("sensitivity", law.drive, *_as_measured(measured)) if measured else _allocate_command(found)
-    # more drives decide which tolerance comes first
+    # only more drives can decide which tolerance to tighten first
     if verdict == _UNDECIDED:
         next_command = again("sensitivity", law.drive, "-n", f"{_MORE_TIMES * len(samples.weights)}")
     facts = [("measure", measure_words(found.to_measure, torques[found.worst])), ("next", next_command)]
@@ -505,7 +511,7 @@ def _sensitivities_object(found: Sensitivities) -> Json:
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """Return the tolerance to tighten first, the reason, and the path of the field to measure instead.
 
-    If no tolerance is worth tightening, the first text says so. The path is empty if no measurement helps.
+    If no tolerance is worth tightening, the first text says so. The path is empty if no field is to be measured.
     """
     first = found.first
     largest = found.largest
@@ -527,7 +533,7 @@ def _as_measured(path: str) -> tuple[str, str]:
 
 
 def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
-    """Return all fields with an effect at a torque, the largest contributions first; torque: index of the torque."""
+    """Return the effect of each field at a torque, the largest contributions first; torque: index of the torque."""
     shares = {influence.group: influence.share for influence in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
@@ -542,7 +548,12 @@ def _table(
     tolerances: int,
     others: int,
 ) -> Table:
-    """Return a table of fields with a tolerance, the largest gain first, and of other fields."""
+    """Return a table of the fields with a tolerance, the largest gain first, followed by other fields.
+
+    effects: effects at one torque.
+    tolerances: largest number of fields with a tolerance.
+    others: largest number of other fields.
+    """
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     not_tightened = [e for e in effects if not e.tightened]
     shown = [*tight[:tolerances], *not_tightened[:others]]
@@ -569,12 +580,12 @@ class _TorqueLimit:
     self_error: float
 
     def as_object(self) -> Mapping[str, float | None]:
-        """Return the limit by the keys of the JSON result."""
+        """Return torque, limit and self error by the keys of the JSON result."""
         return {"M_g_Nm": self.M_g, "limit_arcsec": self.limit, "self_error_arcsec": self.self_error}
 
 
 def _torque_limits(allocator: Allocator, self_errors: Sequence[float]) -> list[_TorqueLimit]:
-    """Return the limits of a drive at its torques, with the self error [arcsec] at each."""
+    """Return the limit at each torque of a drive; self_errors: self error at each torque [arcsec]."""
     limit_at = allocator.production.law.drive.limit
     return [
         _TorqueLimit(M_g, limit_at(M_g), self_error)
@@ -583,13 +594,13 @@ def _torque_limits(allocator: Allocator, self_errors: Sequence[float]) -> list[_
 
 
 def _self_error_words(torque_limits: Sequence[_TorqueLimit]) -> str:
-    """Return the part of each limit that the self error uses up, in words."""
+    """Return the self error and the limit at each torque as text."""
     parts = [f"{row.self_error:.1f} of {row.limit:g}″ at {row.M_g:g} N·m" for row in torque_limits]
     return f"{', '.join(parts)}, which no tolerance reduces"
 
 
 def _assumed_costs(allocator: Allocator) -> list[str]:
-    """Return a note on the fields whose cost the preset does not state; no note if it states all costs."""
+    """Return a list with one note on the fields whose cost is assumed; empty if the preset states all costs."""
     assumed = [choice.path for choice in allocator.choices if choice.assumed_law]
     if not assumed:
         return []
@@ -597,7 +608,7 @@ def _assumed_costs(allocator: Allocator) -> list[str]:
 
 
 def _best_verdict(ways: Sequence[Allocation]) -> Verdict:
-    """Return the best verdict among the ways to build a drive, because one way that passes is sufficient."""
+    """Return the best verdict of the ways to build a drive, because one way that passes is sufficient."""
     verdicts = {way.verdict for way in ways}
     best_first = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL)
     return next(verdict for verdict in best_first if verdict in verdicts)
@@ -609,12 +620,13 @@ def _remaining_facts(
     to_measure: Sequence[MeasurementGain],
     M_g: float,
 ) -> list[Fact]:
-    """Return the facts that prevent a PASS: the self error, and the inputs to measure.
+    """Return the facts that explain why the verdict is not PASS: the self error, and the inputs to measure.
+
+    The list is empty if the verdict is PASS.
 
     to_measure: useful measurements of the design.
     M_g: torque [N*m] at which they are evaluated.
     """
-    # nothing prevents a PASS
     if verdict is Verdict.PASS:
         return []
     facts = [("self error", _self_error_words(torque_limits))]
@@ -630,7 +642,7 @@ def allocate_report(
     to_measure: Sequence[MeasurementGain],
     M_g: float,
 ) -> Report:
-    """Return the cheapest tolerances of a drive as a report.
+    """Return the report of the cheapest tolerances of a drive.
 
     found: finished search for the tolerances.
     ways: ways to build the drive, with their tolerances.
@@ -638,7 +650,6 @@ def allocate_report(
     to_measure: useful measurements of the design.
     M_g: torque [N*m] at which they are evaluated.
     """
-    # the drive and the distributions of its deviations
     law = found.production.law
     drive = law.drive
     verdict = _best_verdict(ways)
@@ -672,7 +683,7 @@ def allocate_report(
 
 
 def _allocations_csv(found: Allocator, ways: Sequence[Allocation]) -> tuple[list[str], list[list[Any]]]:
-    """Return the tolerances for each way to build the drive as CSV: names of the columns, and rows."""
+    """Return the tolerances for each way to build the drive as a CSV table: names of the columns, and rows."""
     name = found.production.law.drive.name
     rows = [
         [name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
@@ -695,7 +706,7 @@ def _law_objects(found: Allocator) -> list[Json]:
 
 
 def _allocation_object(way: Allocation) -> Json:
-    """Return a way to build the drive with its tolerances, as JSON."""
+    """Return a way to build the drive, with its tolerances and its yield, as JSON."""
     return {
         **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
         "yield": _yield_range(way.tried),
@@ -704,7 +715,7 @@ def _allocation_object(way: Allocation) -> Json:
 
 
 def _words(way: Allocation, found: Allocator) -> str:
-    """Return in words the cost of a way to build the drive, whether it achieves the yield, and the probability."""
+    """Return a text on a way to build the drive: its cost, its yield, and the probability of the required yield."""
     how = "In the best holes" if way.turned else "As assembled"
     none = (
         "no tolerances achieve the required yield" if way.verdict is Verdict.FAIL else "no tolerances are recommended"
@@ -725,8 +736,8 @@ def _next(
 ) -> str:
     """Return the next command.
 
-    After PASS it applies the tolerances, after FAIL it shows other options, and otherwise it repeats the search with a
-    measured value or with more drives.
+    For PASS, the command applies the tolerances; for FAIL, it shows other options. If the verdict is INCONCLUSIVE, it
+    repeats the search with a measured value or with more drives.
     """
     drive = found.production.drive
     if verdict is Verdict.PASS:
@@ -743,7 +754,7 @@ def _next(
 
 
 def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
-    """Return the table of the present tolerances and those of each way to build the drive, with their costs."""
+    """Return the table of the present tolerances and of the tolerances for each way to build the drive, with costs."""
     rows = [
         (
             f"{choice.path}, {field_unit(choice.path)}",
@@ -759,5 +770,5 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
 
 
 def _column(way: Allocation) -> str:
-    """Return the name in CSV of a way to build the drive."""
+    """Return the name of a way to build the drive in CSV files."""
     return "best hole" if way.turned else "as built"
