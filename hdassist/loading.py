@@ -112,7 +112,7 @@ def with_warning(drive: Drive, text: str) -> Drive:
 
 
 def with_asked(drive: Drive, asked: Asked) -> Drive:
-    """Return the drive with other options in its origin, which a following command uses."""
+    """Return the drive with other options in its origin, for use by the next command."""
     changed = drive.model_copy()
     changed._origin = replace(drive.origin, asked=asked)
     return changed
@@ -209,7 +209,7 @@ def set_override(
     Raises UsageError if "=" is missing, the key is empty or contains hidden characters, or the value is not valid YAML.
     """
     key, equals, value = text.partition("=")
-    # section, name, and for tables a further key
+    # the path has a section, a name and, for an entry of a table, a further key
     full_path = path_of(key)
     if not equals or not all(full_path) or not key.strip().isprintable():  # YAML does not have such keys either
         raise UsageError(
@@ -277,7 +277,7 @@ def _drive(document: Document) -> Drive | None:
     data = _table_of_drive(document)
     if data is None:
         return None
-    # must precede validation, which accepts uncertainties only in their table
+    # uncertainties are moved before validation, which accepts them only in their table
     _settle_spreads(document, data)
     data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
     # the validators fill these values even if the drive as a whole is rejected
@@ -315,7 +315,7 @@ def _table_of_drive(document: Document) -> dict[str, Any] | None:
 
 
 def _add_conflicts(document: Document, values: dict[str, Any]) -> None:
-    """Add the conflicts between valid values to the findings, at the override that causes one if there is one."""
+    """Add a finding for each conflict between valid values, at an overridden value if one is involved."""
     for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         # a finding at the override shows the user the conflicting value
@@ -478,7 +478,7 @@ def _unknown_hint(
     model: type[Section],
 ) -> str:
     """Return a hint for an unknown key of a table whose keys are the fields of a model."""
-    # a field of an earlier version, with its successor
+    # the hint for a field of an earlier version names its successor
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
     key = str(path[-1])
@@ -505,14 +505,14 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
-            # a run at one torque does not warn of limits at other torques
+            # with overridden torques, limits in the file at other torques are expected
             counts = not narrowed or document.is_override(path)
             if key != "all" and float(key) not in drive.operation.M_g and counts:
                 document.warn(path, message, f"M_g: {torques}")
 
 
 def _warn_of_model(drive: Drive, document: Document) -> None:
-    """Warn if values were, or may have been, identified with other settings of rim or flanks than those in use."""
+    """Warn if values were, or may have been, identified with other `numerics` settings than those in use."""
     # only identified values depend on the settings
     if all(source.kind != "identified" for source in drive.source.values()):
         return
@@ -732,7 +732,15 @@ def _set_value(
     value: Any,
     entry: str | int = "",
 ) -> None:
-    """Set a value or an entry of it; an existing value for all torques remains beside an entry for one torque."""
+    """Set the value of a field, or one entry of it.
+
+    An existing value for all torques is kept beside an entry for one torque.
+
+    tables: tables of the preset.
+    path: path of the field.
+    value: value of the field or of the entry.
+    entry: key of the entry; empty for the field itself.
+    """
     section, name = path.split(".")
     table = _table(tables, section)
     if entry:
@@ -820,7 +828,7 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 
 
 def _field_schema(field: PresetField) -> dict[str, Any]:
-    """Return the schema of a field in all its notations: text for numbers, an item for a list, a number for a table."""
+    """Return the schema of a field with all accepted notations, such as text for a number or one item for a list."""
     number = _number_schema(field)
     text = {"type": "string"}
     table: Any = {"type": "object", "additionalProperties": _NUMBER_TEXT if field.kind == "readings" else number}
@@ -846,7 +854,7 @@ def _field_schema(field: PresetField) -> dict[str, Any]:
 
 
 def _number_schema(field: PresetField) -> dict[str, Any]:
-    """Return the schema of a number, or of an item, of a field."""
+    """Return the schema of a single number of a field: its value, or one item of its list or table."""
     ends = {"minimum": field.ge, "exclusiveMinimum": field.gt, "maximum": field.le}
     limits = {name: end for name, end in ends.items() if isfinite(end)}
     return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, _NUMBER_TEXT]}

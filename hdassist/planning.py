@@ -1,7 +1,7 @@
-"""Sufficient tests of F'_ior: the share of it that readings at some positions capture, over all uncertain inputs.
+"""Plans for tests of F'_ior: the share of F'_ior that readings at a few positions capture, over all uncertain inputs.
 
-The module also gives the test in detail: the sequence of approaches, their duration, and the readings that pass and
-fail a limit.
+The module also determines how a test is carried out: the sequence of approaches, their duration, and the readings that
+pass or fail a limit.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-_QUOTED_POSITIONS = 12  # positions of a test as stated by manufacturers
+_QUOTED_POSITIONS = 12  # number of positions in the test that manufacturers state
 _FEWEST_POSITIONS = 6  # smallest number of positions that is tried
 _MOST_A_CAM_TURN = 5  # largest number of positions that is tried, per input revolution
-_RANDOM_STARTS = 256  # starts over all samples
-_LEAST_STARTS = 16  # smallest number of starts of each sample
+_RANDOM_STARTS = 256  # total number of starts, distributed over the samples
+_LEAST_STARTS = 16  # smallest number of starts per sample
 _LEAST_ARCSEC = 1e-9  # arcsec; added to errors, which makes a test capture all of an error of 0
 _LISTED_LINES = 12  # number of the largest lines that are listed
 _NEVER = Probability(0.0, 0.0, 0.0)  # probability of a wrong verdict of a test that captures everything
 SEEN_SHARE = 0.95  # captured share of F'_ior that is sufficient without a limit
 _ROUGH_NOISE = 0.03  # largest rms of single-tooth noise, as a share of F'_i; uniform from 0 as an engineering estimate
 _ROUGH_ORDERS = range(5, 13)  # orders of rough teeth around a wheel
-_ROUGH_SIZE = 0.1  # scale of Rayleigh's law, divided by the order
+_ROUGH_SIZE = 0.1  # scale of the Rayleigh distribution of amplitudes, before division by the order
 _ROUGH_WHEELS = 8  # number of random wheels of each kind
 _ROUGH_UM = 50.0  # composite deviation F'_i at which the random wheels are solved [um]
 
@@ -92,7 +92,7 @@ class ReadingPlan:
         )
 
     def sees_all(self, output_turns: float) -> bool:
-        """Return whether the plan covers a number of output revolutions without gaps."""
+        """Return whether the plan is a recording of at least a number of output revolutions."""
         return self.is_record and self.readings * self.step_turns >= output_turns - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
@@ -186,7 +186,7 @@ class DrivesUnderTest:
         halves = self.curves.reshape(len(self.curves), -1, POINTS_A_TURN // 2)
         count = halves.shape[1]
         reach = np.arange(min(count, int(self.travel / self.cycle_output * count) + 2))
-        # the travel from each start, rounded outwards
+        # the half revolutions at both ends of a travel are included as a whole
         places = np.floor(self.starts[..., None] * count + reach).astype(np.int64) % count
         high, low = (np.take_along_axis(extreme[:, None], places, axis=2) for extreme in (halves.max(2), halves.min(2)))
         return np.asarray(high.max(axis=2) - low.min(axis=2))
@@ -244,7 +244,7 @@ class DrivesUnderTest:
                 false_fail=None,
                 verdict=self._verdict(missed.low, missed.high),
             )
-        # corrected by the median share if this is required
+        # if required, readings are divided by the median share that the plan captures
         read = (shares * self.F_ior_arcsec + noise) / (share_percentiles[1] if demands.corrected else 1)
         passed = read <= self.left_arcsec
         good = self.F_ior_arcsec <= self.left_arcsec
@@ -290,10 +290,10 @@ class DrivesUnderTest:
         )
         if self.left_arcsec is None or limit is None:
             return planned
-        # self error, which is part of every reading
+        # the self error is part of every reading
         margin_arcsec = limit - self.left_arcsec
         least = judged.seen[0]
-        # a test captures at least this share in 95 % of drives
+        # a test captures at least the share `least` in 95 % of drives and starts
         passes = max(limit * least - guard, 0.0)
         fails = limit + guard
         rng = np.random.default_rng([self.seed, 1])
@@ -374,9 +374,10 @@ class PlannedTest:
     run: approaches of the positions.
     ratio: input revolutions per output revolution.
     uncertainty_arcsec: standard uncertainty of the measured range [arcsec].
-    passes_up_to: largest reading at which 95 of 100 drives of the plan meet the limit [arcsec].
-    fails_beyond: reading above which a drive exceeds the limit, with its guard band [arcsec].
-    passing, failing: probabilities of readings that pass and that fail.
+    passes_up_to: largest reading that shows that the limit is met in 95 % of drives and starts, less the guard band
+        [arcsec].
+    fails_beyond: limit plus the guard band; a larger reading shows that the drive exceeds the limit [arcsec].
+    passing, failing: probabilities that a reading passes and that it fails.
     """
 
     judged: _PlanJudgement
@@ -415,7 +416,7 @@ class PlannedTest:
 
     @property
     def approaches(self) -> tuple[Array, Array, Array]:
-        """Times of readings [min], output targets [deg] and sides of approach (1 or -1), in sequence."""
+        """Times [min], output targets [deg] and sides of approach (1: from below, -1: from above) of all readings."""
         plan = self.judged.plan
         run = self.run
         forth = 360 * plan.step_turns * np.arange(plan.readings)
@@ -454,12 +455,12 @@ class PlanChoice:
     drives: drives that may be tested.
     asked: whether a plan was requested.
     judged: all compared plans, beginning with the requested one if there is one.
-    enough: sufficient plan with the fewest positions and shortest sufficient recording, if there are any.
-    over_positions: plans by number of positions, in ascending sequence.
+    enough: the sufficient plan with the fewest positions and the shortest sufficient recording, if there are any.
+    over_positions: plans in ascending order of the number of positions.
     lines: lines of the error as the first plan shows them, the largest first.
     samples: samples of the drive, None without uncertain inputs.
     certificate: certificate of the solved states.
-    verdict: whether the requested plan is sufficient, or without one whether any plan is.
+    verdict: whether the requested plan is sufficient; if none is requested, whether any plan is sufficient.
     test: the test with the details of its execution.
     """
 
@@ -561,7 +562,7 @@ def choose_plan(
     """Judge plans of a test at the first torque with a limit, or at the first torque if there is no limit.
 
     drive: the drive.
-    asked: a plan to judge besides the others.
+    asked: requested plan, which is judged in addition to the usual plans; None if no plan is requested.
     demands: requirements for a plan.
     test: approaches of the positions.
     draws: effective sample size of the uncertain inputs, 0 for none.
@@ -649,13 +650,13 @@ def _judged_plans(
         for judgements in (over_positions, recordings)
     )
     asked_judgement = [drives.judge(asked)] if asked else []
-    # number of positions stated by manufacturers
+    # plan with the number of positions that manufacturers state
     quoted = over_positions[_QUOTED_POSITIONS - _FEWEST_POSITIONS]
     # each plan appears once
     judged = tuple(
         {judgement.plan: judgement for judgement in [*asked_judgement, quoted, *fewest, *recordings]}.values()
     )
-    # the requested plan decides, otherwise any sufficient plan, otherwise the longest recording
+    # the requested plan decides; without one, a sufficient plan decides, or the longest recording if no plan suffices
     deciding = [*asked_judgement, *fewest, *shortest, recordings[-1]][0]
     return _JudgedPlans(
         judged=judged,
@@ -684,7 +685,7 @@ def _curves_of_drives(
     run: the run, whose seed determines the rough teeth.
     """
     curves = lines.curves
-    # range stated by `check`, independently of components that the curves do not contain
+    # F'_ior of the samples, which includes components that the curves do not contain
     F_ior = samples.F_ior_arcsec[:, [place]] if samples else np.ptp(curves, axis=1, keepdims=True)
     changes = samples.values() if samples else [{}]
     rough = rough_curves(drive, drive.operation.M_g[place], changes, curves.shape[1], run)
@@ -804,7 +805,7 @@ def _solved_rough_wheel(
         teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
     # without other deviations, the error is that of the wheel
     smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
-    # in this number of states, each tooth meets each mesh zone once
+    # with one state per tooth, each tooth meets each mesh zone once
     states = pitch_locked_states(Kinematics.of(drive), np.arange(count))
     deviations = ToothDeviations(**{wheel: _ROUGH_UM * teeth})
     solved = kinematic_error(

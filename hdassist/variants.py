@@ -51,9 +51,10 @@ _DRAWN_PAIRS = 64  # number of sampled pairs
 _LEAST_EFFECTIVE = 0.5
 _LEAST_WEIGHT = 1e-300  # prevents division by a weight of 0
 _SAME_ERROR = 0.005  # arcsec; a smaller change counts as none
-_LIKELIER = 0.6  # smallest probability of being better for a recommendation of a drive
+_LIKELIER = 0.6  # smallest probability of being better at which a drive is recommended
 _EQUAL_SHARE = 0.01  # largest difference in F'_ior between equally good drives, as a share
-# number of pairs in which single fields are changed: the first ones, because Sobol points are even from the start
+# number of pairs in which single fields are changed; the first pairs are used, because Sobol points are even from the
+# start
 _SINGLE_PAIRS = 16
 # number of these pairs with which every field is tried, before the most effective fields are changed in all pairs
 _SCREENED_PAIRS = 2
@@ -139,8 +140,9 @@ def sheet_of(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> DriveSheet:
-    """Check a drive, determine its best hole and compute its stiffness, each as the command of that name does.
+    """Check a drive, determine its best hole and compute its stiffness, as the corresponding commands do.
 
+    drive: the drive.
     draws: effective sample size of the uncertain inputs.
     Raises UntrustedError if a result cannot be trusted.
     """
@@ -180,11 +182,11 @@ class DrivePairs:
     certificate: Certificate = EMPTY
 
     def senses(self) -> tuple[str, ...]:
-        """Return whether F'_ior of the second drive is less, more, the same or unknown, by torque."""
+        """Return at each torque whether F'_ior of the second drive is less, more, the same or unknown."""
         return tuple(map(self._sense, self._changes()))
 
     def probabilities_less(self) -> tuple[Probability, ...]:
-        """Return the probability that F'_ior of the second drive is smaller, by torque."""
+        """Return the probability at each torque that F'_ior of the second drive is smaller."""
         return tuple(self._probability(change < -_SAME_ERROR) for change in self._changes())
 
     def _changes(self) -> Array:
@@ -201,13 +203,11 @@ class DrivePairs:
         return UNKNOWN
 
     def _probability(self, inside: NDArray[np.bool_]) -> Probability:
-        """Return the probability of a change.
-
-        Its interval contains those over the samples of each drive, because pairs share samples.
+        """Return the probability of a change, with an interval that contains the intervals from both sampled drives.
 
         inside: whether each pair has the change, shape (samples, samples of the second drive).
         """
-        # pairs share samples, so the interval covers that of the drive with fewer samples
+        # pairs share samples, so the number of pairs would give too narrow an interval
         marginals = ((self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled)
         probabilities = [
             probability_of(hits / np.maximum(group_weight, _LEAST_WEIGHT), group_weight)
@@ -319,12 +319,14 @@ def _likelihood_gains(
     rows: Indices,
     samples: Samples,
 ) -> list[float]:
-    """Return the gains of log likelihood from the reference data of a first drive to those of a second one.
+    """Return the log likelihood of the second drive of each pair minus that of the first drive.
+
+    The likelihood of each drive is that of its own reference data.
 
     one: the first drive.
     other: the second drive.
     rows: indices of samples of the first drive, shape (pairs,).
-    samples: samples of the second drive, one for each of these.
+    samples: samples of the second drive, one per row.
     """
     assert one.samples
     figures_of_one = _figures_of(one.samples)
@@ -341,14 +343,18 @@ def _paired(
     rows: Indices,
     run: Run,
 ) -> DrivePairs:
-    """Return pairs of selected samples of a first drive, each with an equal drive of the second kind.
+    """Return pairs of selected samples of a first drive with samples of a second drive that share their inputs.
 
+    one: the first drive.
+    other: the second drive.
+    rows: indices of the selected samples of the first drive, shape (pairs,).
+    run: the run.
     Raises UntrustedError if too few pairs agree with the reference data.
     """
     assert one.samples and other.samples
     count = len(rows)
     shares = _paired_shares(one, other, rows, run)
-    # both drives have the same shares, so only their differences count
+    # samples of the second drive are reused if they have these shares and no reference data
     samples = other.samples
     certificate = EMPTY
     if one.evidence or other.evidence or not np.array_equal(shares[:, :-1], samples.shares):
@@ -388,7 +394,7 @@ def _samples_with(
     shares: Array,
     run: Run,
 ) -> Samples:
-    """Return samples of a drive with given shares of its fields, shape (samples, fields + 1), all in one batch."""
+    """Return samples of a drive in a single batch, from given shares of its fields, shape (samples, fields + 1)."""
     assert believed.samples
     return draw_samples(
         _PairedPrior(believed.drive, believed.prior.fields, paired=shares),
@@ -407,10 +413,9 @@ def _paired_shares(
     rows: Indices,
     run: Run,
 ) -> Array:
-    """Return shares of the fields of a second drive, equal to those of the first drive where both are alike.
+    """Return shares of the fields of a second drive, shape (rows, fields + 1).
 
-    The shape is (rows, fields + 1).
-
+    Fields that are uncertain in the same way in both drives get the shares of the first drive.
     one: the first drive.
     other: the second drive.
     rows: indices of samples of the first drive.
@@ -498,8 +503,8 @@ class DriveChanges:
     probability_better: probability that F'_ior is smaller, by torque; None if uncertain inputs were not sampled.
     together: change due to all fields.
     single: changes due to single fields, the largest first.
-    not_alone: paths of fields without such a change, because the drive could not be computed or would have more unknown
-        inputs.
+    not_alone: paths of fields without a single change, because most drives with this change alone have a conflict, more
+        unknown inputs or no result.
     """
 
     pairs: int
@@ -545,13 +550,13 @@ class DrivesComparison:
 
     @property
     def best(self) -> int:
-        """Index of the drive with the smallest share at its governing torque; 0 if no drive improves on the first."""
+        """Index of the drive whose largest share over the torques is smallest; 0 if no drive improves on the first."""
         worst = self.shares.max(axis=1)
         return int(worst.argmin()) if worst.min() < 1 - _EQUAL_SHARE else 0
 
     @property
     def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
-        """Recommendation to take another drive, to keep the first, or any drive if none is clearly better."""
+        """Recommendation: TAKE another drive, KEEP the first one, or ANY drive if none is clearly better."""
         chance = self.probability_best
         if self.all_alike or (chance is not None and chance.value < _LIKELIER):
             return "ANY"
@@ -595,7 +600,7 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
-    """Return the fields in which drives differ, in the sequence of the declarations, then uncertainties of fields."""
+    """Return the fields in which drives differ, in the order of their declarations, followed by uncertainties."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     for path in dict.fromkeys(path for drive in drives for path in drive.uncertainty):
@@ -614,7 +619,7 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
 
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
-    """Return the paths of the fields in which drives differ and that may affect F'_ior at a torque."""
+    """Return the paths of the fields that differ between drives and may affect F'_ior at a torque."""
     return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(_UNRELATED)]
 
 
@@ -777,7 +782,7 @@ class _SingleChanges:
         return ErrorChange.of(path, before_arcsec[is_solved], after_arcsec[is_solved], np.ones(is_solved.sum()))
 
     def largest_first(self, paths: Iterable[str], count: int) -> list[ErrorChange]:
-        """Return the changes due to single fields over the first pairs, the largest first."""
+        """Return the changes due to single fields over the first pairs, the largest first, if they have a result."""
         changes = [self.change_by(path, count) for path in paths]
         return sorted(filter(None, changes), key=lambda change: -max(change.share))
 

@@ -48,31 +48,35 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _REPORTED_SHARES = (0.05, 0.5, 0.95)
-_SOLVED_DRIVES = 8  # drives solved over their whole cycle, for the part of the error that their lines do not contain
-_SOLVED_A_POSITION = 2  # drives solved in each position of the fixed wheel
-PHASORS = CorrectionForm(None)  # as many correction terms as are sufficient
-_ENOUGH = 1.1  # factor of the smallest residual of correction terms up to which fewer terms are sufficient
+# number of drives solved over the full cycle, to determine the part of the error that their lines do not contain
+_SOLVED_DRIVES = 8
+_SOLVED_A_POSITION = 2  # number of drives solved over the full cycle in each position of the fixed wheel
+PHASORS = CorrectionForm(None)  # correction terms whose number is chosen automatically
+_ENOUGH = 1.1  # largest residual of a sufficient number of correction terms, as a multiple of the smallest residual
 IN_PLACE = "in place"
 TURN_LOST = "turn lost"
-_ZERO_OFF_DEG = (1.0, 10.0)  # tried offsets of the zero, in degrees of the input
-_LOST_TURNS = 9  # how many different numbers of lost revolutions are tried, at most
+_ZERO_OFF_DEG = (1.0, 10.0)  # offsets of the zero that are tried [deg of the input]
+_LOST_TURNS = 9  # largest number of values that are tried for the lost input revolutions
 _STRONG_LINES = 3  # number of strongest lines that are named
 _ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known [deg]
 _LEAST_AMPLITUDE = 1e-300  # arcsec; prevents division by the amplitude 0
-HALVED = 0.5  # share of the range above which the residual makes a correction weak
-_EXPLAINED_RMS_SHARE = 0.5  # largest residual of a named cause, root mean square, over that of the intended correction
-# factor of the smallest sum of squares within which causes count as equal; the nearest zero decides between them
+HALVED = 0.5  # residual above which a correction is weak, as a share of the uncorrected range
+# largest rms residual with a cause that is reported, relative to the rms residual with the intended correction
+_EXPLAINED_RMS_SHARE = 0.5
+# largest sum of squares of a cause that counts as equally good, as a multiple of the smallest sum; among equally good
+# causes, the one with the smallest offset of the zero is reported
 _ALIKE = 1.05
-_IN_ZERO_DEG = 3.0  # largest offset of the zero, in degrees of the input, that counts as none
+_IN_ZERO_DEG = 3.0  # largest offset of the zero that is not reported [deg of the input]
 
 
 @dataclass(frozen=True, eq=False)
 class _LoadedError:
     """Error of sampled drives at a torque, from its lines.
 
-    beyond: range of the part that the lines do not contain over the range of the error, shape (drives,), or one number.
-    F_ior_arcsec: F'_ior of a recording of the full mesh cycle [arcsec]; None without one.
-    visited: whether each point counts, shape (points,); None if all points count.
+    beyond: range of the part that the lines do not contain, as a share of the range of the error; one number or shape
+        (drives,).
+    F_ior_arcsec: F'_ior of a recording of the full mesh cycle [arcsec]; None without such a recording.
+    visited: whether each point of the cycle lies in the recorded travel, shape (points,); None for the full cycle.
     stated_arcsec: median of F'_ior over the samples, as given by `check` [arcsec]; None without samples.
     """
 
@@ -85,11 +89,11 @@ class _LoadedError:
     @cached_property
     def actual(self) -> Array:
         """Actual error [arcsec], shape (drives, points)."""
-        # F_kpp counts the lag of the output; a controller corrects its position
+        # F_kpp is the lag of the output, but a controller corrects the position, which has the opposite sign
         return -self.lines.curves
 
     def range_of(self, curves: Array) -> Array:
-        """Return the ranges of curves over the points that count; curves have the shape (..., points)."""
+        """Return the range of each curve over the points of the travel; curves have the shape (..., points)."""
         return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
 
     def corrected(
@@ -99,7 +103,7 @@ class _LoadedError:
         *,
         together: bool,
     ) -> CorrectionTable | Phasors:
-        """Return the corrections of a form at a torque.
+        """Return corrections of the given form, fitted to the error.
 
         form: form of the correction.
         M_g: torque [N*m].
@@ -134,9 +138,13 @@ class ErrorPart:
 
 @dataclass(frozen=True)
 class FormResiduals:
-    """Residuals of a form at each torque in place, then at the first torque with a wrong zero and lost revolutions.
+    """Residuals of a correction of one form.
 
-    left: residual over the uncorrected error, in place at the first torque, at 5, 50 and 95 % of drives.
+    form: form of the correction.
+    residuals: residuals with the correction in place, one per torque, followed by those at the first torque with a
+        wrong zero and with lost revolutions.
+    left: residual with the correction in place at the first torque, as a share of the uncorrected error, at 5, 50 and
+        95 % of drives.
     """
 
     form: CorrectionForm
@@ -156,8 +164,8 @@ class Correction:
     drive: the drive; None for a correction from a recording only.
     errors: errors of the sampled drives, by torque [N*m].
     parts: parts of these errors.
-    forms: residuals of each form. If the chosen form is refused and there is no recording of the full mesh cycle, they
-        are fitted to each drive separately, as if there were such a recording.
+    forms: residuals of each form. If the chosen form is refused and there is no recording of the full mesh cycle, each
+        drive has its own correction, as if there were such a recording.
     chosen: residuals of the requested form, fitted to all drives together.
     corrections: corrections of the requested form, by torque [N*m]. A form with a table for each load has corrections
         for further torques, except those at which the correction may make more than one drive in twenty worse.
@@ -204,7 +212,7 @@ class Correction:
 
     @property
     def strong_lines(self) -> tuple[float, ...]:
-        """The strongest lines in descending sequence, in periods per output revolution."""
+        """Orders of the strongest lines, the strongest first [periods per output revolution]."""
         lines = self.errors[self.M_g].lines
         strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:_STRONG_LINES]
         return tuple(line_orders(lines)[0][strongest].tolist())
@@ -227,7 +235,7 @@ def correct(
     """
     records = records or {}
     prior = prior_of(drive)
-    # a part of the cycle does not resolve the lines, so drives that agree with it are used instead
+    # a recording of part of the cycle does not resolve the lines, so drives that agree with the recording are used
     if any(record.is_part for record in records.values()):
         # drives cannot be fitted to errors of unknown size
         if any(record.scale_uncertainty for record in records.values()):
@@ -247,7 +255,7 @@ def correct(
         draws=draws,
         run=run,
     )
-    # the same samples determine the ranges on every page
+    # these samples also determine the ranges of F'_ior in all other results
     first = samples.of_ranges
     rows = even_rows(first.weights, draws)
     return correction_of(
@@ -341,7 +349,7 @@ def _fitted_correction(
     misfit: float | None = None,
     certificate: Certificate = EMPTY,
 ) -> Correction:
-    """Return corrections fitted to errors by torque, of which the first torque counts most.
+    """Return a correction designed for the first torque, with its residuals at all torques.
 
     drive: the drive; None for a correction from a recording only.
     errors: errors of the possible drives, by torque [N*m].
@@ -437,11 +445,18 @@ def _forms_to_compare(
 
 
 def _corrected_torques(chosen: FormResiduals, torques: Sequence[float]) -> list[float]:
-    """Return the torques [N*m] with a correction: the first, and further ones that a table for each load improves."""
+    """Return the torques that get a correction [N*m].
+
+    They are the first torque and, if the form has a table for each load, the torques at which the table reduces the
+    error.
+
+    chosen: form with its residuals.
+    torques: torques of the drive [N*m].
+    """
     corrected = [torques[0]]
     if chosen.form.each_load:
         for M_g, residual in zip(torques[1:], chosen.residuals[1:], strict=False):
-            # a table is exported only for torques that it improves
+            # a table is exported only if it reduces the error at its torque
             if residual.p95 < residual.uncorrected_p50:
                 corrected.append(M_g)
     return corrected
@@ -460,14 +475,14 @@ def _loaded_error(
     """Return the error of drives at a torque.
 
     Some drives are solved in each state of their cycle, to determine the part of the error that their lines do not
-    contain. This part may be twice as large in one drive as in another. The other drives get the parts of the solved
-    drives in turn.
+    contain. This part may be twice as large in one drive as in another. The parts of the solved drives are assigned to
+    the other drives in turn.
 
     drive: the drive.
     M_g: torque [N*m].
     drives: values of the possible drives, by path.
     run: the run.
-    alike: whether all drives are so similar to the first one that they share its part beyond the lines.
+    alike: whether all drives are so similar that the part of the first drive beyond its lines applies to all of them.
     F_ior_arcsec: F'_ior of the drives [arcsec], shape (drives,); None to determine it from the solved cycles.
     solved: number of drives that are solved.
     Raises UntrustedError if a state cannot be trusted.
@@ -510,7 +525,7 @@ def _scale_to_cycles(
     F_ior_arcsec: F'_ior of all drives [arcsec]; None to use the solved cycles, and their mean factor for other drives.
     """
     ranges = np.maximum(np.ptp(lines.curves, axis=1), np.finfo(float).tiny)
-    # this range is the one on all pages
+    # this is the range that all other results state
     if F_ior_arcsec is not None:
         return np.asarray(F_ior_arcsec / ranges)
     solved_ranges = np.array([np.ptp(cycle.error_arcsec) for cycle in cycles])
@@ -524,7 +539,12 @@ def _share_beyond(
     row: int,
     cycle: RecordedError,
 ) -> float:
-    """Return the range of a solved cycle minus its lines, over the range of the lines."""
+    """Return the range of the error that a drive's lines do not contain, as a share of the range of these lines.
+
+    lines: lines of all drives.
+    row: index of the drive.
+    cycle: solved cycle of the drive.
+    """
     lines_of_drive = replace(lines, amplitude=lines.amplitude[row : row + 1])
     line_range = max(float(np.ptp(lines_of_drive.curves)), np.finfo(float).tiny)
     return float(np.ptp(cycle.apart(lines_of_drive))) / line_range
@@ -669,16 +689,21 @@ def _ranges_by_points(
     *,
     together: bool = False,
 ) -> dict[int, float]:
-    """Return the median of the residual range [arcsec] by number of points, fitted as in `_residuals_of`."""
+    """Return the median of the residual range [arcsec] by number of points or correction terms.
+
+    turn: revolution that the points of a table cover; None for correction terms.
+    error: error of the drives.
+    together: whether all drives share one correction; otherwise each drive has its own.
+    """
     fitted = {N: error.corrected(CorrectionForm(turn, N), 0.0, together=together) for N in TRIED_POINTS[turn]}
     return {N: percentiles(ranges_left(correction, error)[0])[1] for N, correction in fitted.items()}
 
 
 def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
-    """Return the parts of the error: by frequency, and the changes with other loads and with the other direction."""
+    """Return the parts of the error by frequency, and its changes with the size and the direction of the torque."""
     design = next(iter(errors))
     design_lines = errors[design].lines
-    # beats: distance of each line from the nearest order of the input
+    # `beats` is the distance of each line from the nearest order of the input
     _, order, beats = line_orders(design_lines)
 
     def part(name: str, kept: NDArray[np.bool_]) -> ErrorPart:
@@ -720,7 +745,7 @@ def correction_alone(
     A table over the input does not need the sense of the output or the full cycle. For a recording of part of the
     cycle, the table corrects the errors that agree with it (`drawn_errors`).
 
-    found: measurement with the ratio and with both directions as one.
+    found: measurement with a known ratio, in which both directions are combined.
     asked: counting convention of the file.
     M_g: torque of the recording [N*m].
     form: form of the correction.
@@ -843,9 +868,9 @@ def verify(
     error = result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
     F_ior_arcsec = float(np.ptp(lines.mean.curves))
-    # range with the error that noise leaves open; noise has possibly increased the recorded range already
+    # 95th percentile of the range over the errors that agree with the noisy readings
     *_, largest = percentiles(np.ptp(lines.curves, axis=1))
-    # the lower end is as far below the range as the upper end is above it
+    # noise may have increased the range, so the lower end is as far below the range as the upper end is above it
     low = max(0.0, 2 * F_ior_arcsec - largest)
     # a part of the cycle gives a lower bound only
     high = None if record.is_part else largest
@@ -896,10 +921,10 @@ def _likely_cause(
     record: RecordedError,
     lines: ErrorLines,
 ) -> str:
-    """Return the sign and zero of the applied correction that explain a recording best, in words; empty if none does.
+    """Return the fault of the applied correction that explains a recording best, as text; empty if no fault does.
 
-    The sum of squares of before - after - correction is smallest where their correlation is largest.
-
+    A fault is a flipped sign, a wrong zero, or a correction that is not on. The sum of squares of the unexplained
+    difference is computed from correlations, for all offsets of the zero at once.
     before: error before the correction over the full cycle [arcsec], shape (points,).
     taken: intended correction over the full cycle [arcsec], shape (points,).
     record: recording after the correction.
@@ -912,15 +937,15 @@ def _likely_cause(
     applied -= applied.mean()
 
     def correlation(readings: Array, curve: Array) -> Array:
-        """Return the sum over readings for each offset of the zero in points, shape (points,)."""
+        """Return the sum of the readings times the shifted curve, for each offset of the zero, shape (points,)."""
         # one product of spectra gives the sums for all offsets of the zero
         spectrum = np.fft.rfft(np.bincount(points, readings, count))
         return np.fft.irfft(np.conj(spectrum) * np.fft.rfft(curve), count)
 
     product = correlation(applied, taken)
     power = correlation(np.ones(len(points)), taken**2)
-    # rows: correction as intended, with its sign flipped, and off
-    # |applied - (+/-) taken|^2 from its three sums; if the correction is off, taken is 0
+    # the rows are the correction as intended, with its sign flipped, and not on
+    # |applied - (+/-) taken|^2 is the sum of three terms; if the correction is not on, taken is 0
     squares = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])
     # no cause is named if no sign and zero explain most of the difference from the intended correction
     if squares.min() > _EXPLAINED_RMS_SHARE**2 * squares[0, 0]:
@@ -933,9 +958,9 @@ def _likely_cause(
 
 
 def _cause_text(row: int, off_turns: float) -> str:
-    """Return a cause in words.
+    """Return the description of a cause; empty if the correction is applied as intended.
 
-    row: 0 for the correction as intended, 1 with its sign flipped, 2 off.
+    row: 0 for the intended sign, 1 for the flipped sign, 2 if the correction is not on.
     off_turns: offset of the zero [input revolutions].
     """
     if row == 2:
@@ -972,7 +997,7 @@ def advice_corrected(
     draws: number of equally weighted drives from the samples of the advice.
     run: the run.
     """
-    # the decision is the same with the residual in place of F'_ior
+    # the decision is made in the same way, from the residual in place of F'_ior
     choice = advice.decision
     # if no hole is better without a correction, none is better with one
     if choice.all_alike:

@@ -40,8 +40,8 @@ _BEND_TURNS = 0.1
 RECORDED_DRAWS = 64  # sampled drives that agree with a recording
 _LEAST_LINE = 0.02  # smallest mean square of a line due to a misfit, as a share of the mean square of all lines
 _USUAL_GAP = 0.5  # share of the cycle in gaps no wider than the usual gap; the usual gap limits the resolved lines
-_IMAGE = 0.5  # smallest share of a wave that the readings see in another wave if the two are images of each other
-_EVEN = 0.999  # smallest such share if the readings are at even angles
+_IMAGE = 0.5  # smallest correlation of two waves at the readings at which the waves count as images of each other
+_EVEN = 0.999  # smallest correlation of images at which the readings count as evenly spaced
 _ROUNDS = 4  # largest number of least-squares iterations: readings at slightly uneven angles mix lines
 _SOLVED = 1e-5  # slope of the sum of squares, relative to its initial value, at which the iteration stops
 _FINER = 32  # factor by which the grid for reading angles is finer than the points of curves
@@ -58,10 +58,9 @@ _LEAST_POWER = 1e-12  # arcsec^2; smallest mean square of noise
 _FIRST_MISFIT = 0.1  # root mean square of the misfit assumed before the first fit, as a share of the error
 _MOST_MISFIT = 0.15  # largest accepted root mean square of the misfit, as a share of the error
 _MISFIT_CHANCE = 0.05  # probability that the misfit exceeds its upper bound
-# sampled drives in which only open fields vary, and as many in which all fields vary; fits start from the likeliest
-# ones until one reproduces the recording
+# number of sampled drives in which only open fields vary; the same number of drives is sampled with all fields varied
 SEARCHED = 128
-_STARTS = 10
+_STARTS = 10  # largest number of fits, which start from the likeliest sampled drives
 # largest root mean square of the residual, as a share of the error, of a fit that reproduces the recording
 _SHOWN = 0.05
 _FITS = 2  # number of fits; the second uses the misfit of the first and the solved error of its drive beyond the lines
@@ -93,9 +92,9 @@ class RecordedError:
     scale_uncertainty: float = 0.0
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
-        """Return whether each point of the curves of lines is in the recorded travel; for the full cycle, all are."""
+        """Return whether each point of the cycle lies in the recorded travel, shape (points,)."""
         turns = np.arange(POINTS_A_TURN * kinematics.cycle_cam_revolutions) / POINTS_A_TURN
-        # without a travel, the whole cycle was recorded
+        # without a travel, the full cycle was recorded, so all points count
         first, last = self.recorded_turns or (0.0, float(turns[-1]))
         return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
 
@@ -152,10 +151,10 @@ class RecordedError:
         return order, np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
 
     def weights(self, kinematics: Kinematics) -> Array:
-        """Return the share of the full cycle assigned to each reading, up to the middle of the gap on both sides."""
+        """Return the share of the full cycle that each reading represents, shape (readings,)."""
         order, gaps = self._gaps(kinematics)
         weights = np.empty(len(order))
-        # half of the gap on each side
+        # a reading represents half of the gap on each side of it
         weights[order] = (gaps + np.roll(gaps, 1)) / 2
         return weights
 
@@ -172,7 +171,7 @@ class RecordedError:
         return (np.fft.irfft(spectrum, points) * (points / 2))[self.points(lines, _FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
-        """Fit as many lines as the readings resolve and curves contain, by least squares, for one drive.
+        """Return the lines that the readings resolve, fitted by least squares, as the lines of one drive.
 
         The fit uses conjugate gradients because uneven readings mix lines. It stops after a few iterations to keep the
         error small where there are no readings.
@@ -308,15 +307,17 @@ def require_sense(
     M_g: float,
     alignment: Alignment,
 ) -> None:
-    """Raise UntrustedError if a recording fits its drive clearly better when it is read the other way.
+    """Raise UntrustedError if the mirrored recording fits the drive clearly better.
 
-    For a full cycle, start and zero of the recording are free; for a part of it, they are those of the drive. A drive
-    with unknown deviations fits either way, so it is not checked.
+    For a full cycle, start and zero of the recording are fitted. For part of the cycle, they are those of the drive. A
+    drive with unknown deviations is not checked, because it fits the recording and its mirror image equally well.
 
+    measurement: the measurement.
+    drive: the drive.
     M_g: torque [N*m].
     alignment: counting convention of the file.
     """
-    # unknown directions fit a recording read either way
+    # unknown directions fit both the recording and its mirror image
     if unknowns(drive):
         return
     sweep = measurement.directions[0]
@@ -463,7 +464,7 @@ def with_scale_spread(
     scale_uncertainty: float,
     seed: int,
 ) -> ErrorLines:
-    """Return the lines of drives, each multiplied by a random factor, because the recording leaves the scale open.
+    """Return the lines of drives, each multiplied by a random factor, because the scale of the recording is uncertain.
 
     lines: lines of the drives.
     scale_uncertainty: relative standard uncertainty of the factor, which is normal with mean 1.
@@ -499,7 +500,7 @@ def solved_error(
 
 
 def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
-    """Return the lines of drives, in ascending sequence, with the lines of one further drive added to each."""
+    """Return the lines of drives with those of one further drive added to each, by increasing frequency."""
     all_per_cycle = np.union1d(lines.per_cycle, more.per_cycle)
     amplitude = np.zeros((len(lines.amplitude), len(all_per_cycle)), dtype=complex)
     amplitude[:, np.searchsorted(all_per_cycle, lines.per_cycle)] = lines.amplitude
@@ -557,7 +558,12 @@ class _ReadingNoise:
         fitted: ErrorLines,
         weights: Array,
     ) -> _ReadingNoise:
-        """Return the noise from readings that no line can follow, or otherwise from the power of most lines."""
+        """Return the noise, estimated from surplus readings or, if there are too few, from the median line power.
+
+        record: the recording.
+        fitted: lines fitted to the recording.
+        weights: weights of the readings, shape (readings,).
+        """
         freedom, variance = record.noise(fitted)
         # with too few repeats, most lines count as noise, whose median power is log(2) times its mean
         if freedom < _LEAST_REPEATS:
@@ -598,8 +604,8 @@ def recorded_lines(
     phase = np.angle(fitted.amplitude)
     shrunk_lines = replace(fitted, amplitude=kept_share * fitted.amplitude)
     with_peaks = with_more_lines(shrunk_lines, _peaks_of(record, shrunk_lines).lines(lines.kinematics))
-    # the power removed by shrinking may be error that the noise happens to cancel
-    # at the lowest plausible noise, and in phase with the fitted lines, which preserves peaks
+    # the power removed by shrinking may be error that the noise happens to cancel; this lost error is computed at the
+    # lowest plausible noise, and in phase with the fitted lines because this preserves peaks
     lost = (1 - kept_share) * np.sqrt(largest_power) * np.exp(1j * phase)
     # share of the lost error that noise hides in each drive
     hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]
@@ -655,8 +661,8 @@ def _peaks_of(record: RecordedError, lines: ErrorLines) -> RecordedError:
 def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     """Return the share of each line of one kind that is not noise, and its mean square, both of shape (lines,).
 
-    Each line is normal, with one of several sizes that increase from 0 by the factor SIZE_STEP. The frequency of each
-    size is estimated by maximum likelihood (expectation and maximisation).
+    The amplitude of each line is normal. Its mean square is 0 or one of several sizes with the ratio _SIZE_STEP. The
+    frequency of each size is estimated by maximum likelihood (expectation and maximisation).
 
     power: squared amplitudes of the lines [arcsec^2], shape (lines,).
     noise: mean square of the noise [arcsec^2].
@@ -679,7 +685,7 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
 
 def fitted_prior(drive: Drive) -> DrivePrior:
     """Return the prior of the fields fitted to part of the cycle: open, uncertain, or doubted by `compare`."""
-    # fields doubted by `compare` are fitted, too: half of an uncertainty is one standard deviation
+    # fields doubted by `compare` are also fitted; an uncertainty is two standard deviations
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
     fields = tuple(field for field in prior.fields if field.distribution == "normal" or drive.value(field.path) is None)
@@ -778,7 +784,7 @@ class _RecordFit:
         drawn = np.where(self.is_direction, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
         # in the first half, uncertain fields keep their nominal values; in the second half, all fields are sampled
         drawn = np.concatenate([drawn * [field.distribution != "normal" for field in fields], drawn])
-        # the misfit is an estimate as long as there is no fit
+        # before the first fit, the misfit is assumed
         allowed_variance = _FIRST_MISFIT**2 * np.var(self.read)
         unlikely = self.beyond_estimate(drawn).var(axis=1) / allowed_variance * _MISFITS_A_TURN * self.cam_turns
         unlikely += (drawn[:, ~self.is_direction] ** 2).sum(axis=1)
@@ -790,7 +796,12 @@ class _RecordFit:
         scale: float,
         beyond: Array,
     ) -> tuple[Any, _FitTerms]:
-        """Return the best fit and its terms; remaining starts are skipped once a fit reproduces the recording."""
+        """Return the best fit and its terms; further starts are skipped once a fit reproduces the recording.
+
+        starts: unknowns from which fits start, shape (starts, unknowns).
+        scale: standard deviation of a reading [arcsec].
+        beyond: error of the drive beyond its lines at the readings [arcsec], shape (readings,).
+        """
         bounds = np.where(self.is_direction, np.inf, _LARGEST)
         fits = []
         for start in starts:
