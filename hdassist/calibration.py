@@ -63,7 +63,7 @@ _PARTS: dict[str, tuple[type, str]] = {
 _PHASE_STEP = 20.0  # step between the phases from which the extremes are located [deg]
 _PHASE_TOLERANCE = 0.1  # tolerance of the phase of an extreme [deg]
 _DISTANT = 0.25  # smallest distance between different sets, as a share of an unknown's range
-# step of difference quotients, as a share of the range; above the roughness of located extremes
+# step of difference quotients, as a share of the range; it exceeds the roughness of located extremes
 _DIFFERENCE_STEP = 0.02
 _VALUE_DIGITS = 4  # significant digits of a found value
 _INDISTINCT = 0.95  # smallest correlation of two unknowns that cannot be separated
@@ -360,7 +360,7 @@ def _tolerance(
     unit: str,
     ends: tuple[float, float],
 ) -> float:
-    """Return a tolerance in the unit of its target, 0 if it cannot be read.
+    """Return a tolerance in the unit of its target; 0 if it cannot be read.
 
     stated: a number, or a share in percent of the larger end.
     unit: unit of the target.
@@ -392,7 +392,7 @@ class PhaseScan:
 
 def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
     """Return the quantity of each target in its unit. Raises UntrustedError if one of them cannot be trusted."""
-    # several targets may have the same torque
+    # the cache computes each scan once, because several targets may have the same torque
     scan = cache(partial(phase_scan, drive))
     torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
     self_errors = dict(
@@ -432,7 +432,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
     """Return F'_ior of the drive of an error map at mounting phases [deg], in arcsec, shape (phases,)."""
-    # rotations of the wheel count from the drive's own phase
+    # a rotation of the wheel is the difference between a phase and the drive's own phase
     own_phase_deg = phase_deg(error_map.drive)
     return many_extremes(
         error_map, Batch.turned(error_map.drive, [phase - own_phase_deg for phase in phases])
@@ -487,8 +487,8 @@ class _FoundValue:
 
     path, unit: path of the field and its unit, which all values have.
     start: value in the preset.
-    found: found value.
-    half_width: half-width of its interval, in the same sense as the tolerances of the targets.
+    found: fitted value.
+    half_width: half-width of its interval, at the same confidence as the tolerances of the targets.
     low, high: bounds of the unknown.
     determined: share of the bounds' width by which the targets narrow the interval, 0..1.
     held_at: bound that limits the value, None without one.
@@ -571,7 +571,7 @@ def calibrate(
     deviation = np.sqrt(np.diag(covariance))
     values = _fitted_values(drive, unknowns, fits[0], first, deviation)
     shortfall = _shortfall(targets, fits[0], values)
-    # stopped by the number of evaluations, away from its targets
+    # a status of 0 or less means that least squares stopped at the maximum number of evaluations
     if first.status <= 0 and np.abs(first.fun).max() > 1:
         reason = shortfall or "the best set of values nevertheless meets the targets"
         raise UntrustedError(f"the fit did not converge: {reason}", "increase --evaluations", Fault.FIT_UNSETTLED)
@@ -648,7 +648,7 @@ def _fitted_values(
         unknowns, fit.values, first.x, deviation, first.active_mask, strict=True
     ):
         held_at = None
-        # least squares ended at a bound
+        # a value is at its bound if least squares ended there
         if active_bound:
             held_at = unknown.low if active_bound < 0 else unknown.high
         values.append(
@@ -710,7 +710,7 @@ class _Search:
         """Return the result of least squares (11) from a point, shape (unknowns,); a status above 0 is convergence."""
         return least_squares(
             lambda p: self.residuals([p])[0],
-            # least squares could not move from a bound
+            # a start on a bound is moved inwards, because least squares could not leave the bound
             np.clip(point, _DIFFERENCE_STEP, 1 - _DIFFERENCE_STEP),
             jac=self._jacobian,
             bounds=(0.0, 1.0),
@@ -721,7 +721,7 @@ class _Search:
         )
 
     def _jacobian(self, point: Array) -> Array:
-        """Return the slopes of the residuals over the cube, shape (residuals, unknowns), from differences."""
+        """Return the derivatives of the residuals in the unit cube from differences, shape (residuals, unknowns)."""
         # inward steps keep all differences within the cube
         steps = np.where(point < 0.5, _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
@@ -729,17 +729,21 @@ class _Search:
 
 
 def _places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
-    """Return the position of each field's value between its bounds, 0..1, shape (unknowns,); values are by path."""
+    """Return the positions of the unknowns' values between their bounds, 0..1, shape (unknowns,).
+
+    unknowns: unknowns with their bounds.
+    values: values by path.
+    """
     return np.array([np.interp(values[u.path], u.value(_RANGE_SHARES), _RANGE_SHARES) for u in unknowns])
 
 
 def _rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
-    """Return the values at positions between the bounds, shape (unknowns,), rounded as they are printed."""
+    """Return the values of the unknowns at a point of the unit cube, rounded as they are printed."""
     return tuple(float(f"{u.value(x):.{_VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
 
 
 def _distant(points: Iterable[Array]) -> list[int]:
-    """Return the indices of the points that are far from all chosen points before them."""
+    """Return the indices of the points that are far from all points chosen before them, in sequence."""
     chosen: dict[int, Array] = {}
     for k, point in enumerate(points):
         if all(np.abs(point - chosen_point).max() > _DISTANT for chosen_point in chosen.values()):

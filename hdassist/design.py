@@ -50,13 +50,13 @@ class OperatingPoint:
 
     M_g: torque [N*m].
     self_error: self error of the drive.
-    limit_arcsec: limit [arcsec], None without one.
+    limit_arcsec: limit [arcsec]; None without a limit.
     open_: whether the drive has uncertain inputs.
     belief: distribution of F'_ior over these inputs; None if it was not computed.
-    error: error over the full mesh cycle, None before it is computed. With uncertain inputs, it is that of the sample
-        whose F'_ior is nearest to the median. Without samples, it is that of the nominal values with unknown deviations
+    error: error over the full mesh cycle; None before it is computed. With samples, it is the error of the sample whose
+        F'_ior is nearest to the median. Without samples, it is the error of the nominal values with unknown deviations
         of 0.
-    sure: probability of meeting the limit that PASS needs.
+    sure: smallest probability of meeting the limit for the verdict PASS.
     """
 
     M_g: float
@@ -119,7 +119,8 @@ class OperatingPoint:
     def verdict(self) -> Verdict:
         """Verdict on the probability of meeting the limit.
 
-        Without uncertain inputs it is the verdict on the value. Without a limit it is NO_LIMIT.
+        Without uncertain inputs, the verdict compares F'_ior plus the self error with the limit. Without a limit, it is
+        NO_LIMIT.
         """
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
@@ -197,9 +198,10 @@ class DesignCheck:
 
     @property
     def governing(self) -> int:
-        """Index of the governing torque: among those with the worst verdict, the one that is nearest to its limit.
+        """Index of the governing torque, which has the worst verdict and the largest probability of missing its limit.
 
-        Without a limit it is the torque with the largest median of the predicted F'_ior.
+        Among equal probabilities, the largest F'_ior relative to its limit decides. Without a limit, the governing
+        torque is that with the largest median of the predicted F'_ior.
         """
 
         def severity(k: int) -> tuple[float, float]:
@@ -248,7 +250,7 @@ _ACCURACY_TESTS = {
 
 
 def accuracy_words(catalogue: Catalogue, points: Sequence[OperatingPoint]) -> str:
-    """Return a comparison of F'_ior at the smallest torque with the accuracy in the catalogue; empty without one."""
+    """Return a comparison of F'_ior at the smallest torque with the catalogue accuracy; empty if none is given."""
     accuracy = catalogue.accuracy
     if accuracy is None:
         return ""
@@ -287,7 +289,7 @@ def check(
     solver: name of a solver known to cvxpy that solves each state instead of the engine.
     draws: minimum effective sample size of the uncertain inputs; 0 for no samples.
     samples: samples of the same drive, if they exist already.
-    sure: probability of meeting a limit that PASS needs, and of missing it that FAIL needs.
+    sure: smallest probability of meeting a limit for the verdict PASS, and of missing it for the verdict FAIL.
     seen: function that is called with interim checks from the samples so far.
     Raises UsageError for an unknown solver. Raises UntrustedError if a result cannot be trusted, or if the preset's
     catalogue contradicts its other values.
@@ -356,7 +358,7 @@ def _with_solved_errors(
     solver: as in `check`.
     run: processes, progress and seed.
     """
-    # torques in the sequence of the preset, as on all pages
+    # torques have the sequence of the preset in all results
     torques = checked.drive.operation.M_g
     samples = checked.samples
     drives = [_middle(shown_drive, samples, number) if samples else shown_drive for number in range(len(torques))]
@@ -411,7 +413,7 @@ def _unsolved_points(
 
     drive: the drive.
     is_open: whether it has uncertain inputs.
-    sure: probability of meeting a limit that PASS needs.
+    sure: smallest probability of meeting a limit for the verdict PASS.
     run: processes and progress.
     """
     torques = drive.operation.M_g
@@ -585,14 +587,14 @@ class SweepRow(ClosedRecord):
 
 @dataclass(frozen=True)
 class Sweep:
-    """The rows of a grid. A call with (first, last) returns their records, as `stream` requires.
+    """The rows of a grid of field values. A call with (first, last) returns the records of these rows for `stream`.
 
     text: text of the preset.
     file: name of the preset's file.
     overrides: overrides of the preset.
     varied: varied fields.
-    further: further axes, along which the drive is that of the preset: its torques M_g [N*m], unless they are varied.
-        The last axis changes fastest.
+    further: axis of the preset's torques M_g [N*m], along which the drive does not change; empty if the torques are
+        varied. The last axis changes fastest.
     """
 
     text: bytes
@@ -625,7 +627,7 @@ class Sweep:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Numbers of values of the axes, which are the shape of the results."""
+        """Shape of the results: the number of values of each axis."""
         return tuple(len(axis.values) for axis in self.axes)
 
     @property
@@ -640,7 +642,7 @@ class Sweep:
 
     @property
     def kind(self) -> RecordKind[SweepRow]:
-        """Type of the records in a file; the record of a row has the values of that row."""
+        """Kind of the records in a file; the record of each row must have the values of this row."""
 
         def fault(item: int, record: SweepRow) -> str:
             if item >= self.rows:
@@ -682,10 +684,10 @@ class Sweep:
 class Swept:
     """Results of a sweep.
 
-    F_ior_arcsec: F'_ior [arcsec], NaN for a row without a result, in the sweep's shape.
+    F_ior_arcsec: F'_ior [arcsec] in the sweep's shape, NaN for a row without a result.
     states, max_residual: number of solved states and largest residual of all rows.
     failed: number of rows without a result.
-    reason: reason why the first row has no result.
+    reason: reason of the first row without a result; empty if all rows have a result.
     exit_codes: exit codes of all rows without a result.
     """
 
@@ -708,7 +710,7 @@ class Swept:
 
     @property
     def largest(self) -> Drive:
-        """The drive with each varied field at its largest value, at which an input is unknown if it is in any row."""
+        """The drive with each varied field at its largest value; its unknown inputs are those of all rows together."""
         varied = {axis.path: max(axis.values) for axis in self.sweep.varied if axis.path != _TORQUE}
         return self.drive.with_values(varied)
 

@@ -43,11 +43,11 @@ _NAMED_SHARE = 0.3  # smallest share of a combination from which a vector is nam
 _VAGUE_DIRECTION = 60.0  # largest standard uncertainty of a direction that is reported [deg]
 _DECIMALS = 3  # largest number of decimals of a new value
 _ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-_MIRRORED = 0.5  # largest chi-square of a file read the other way round that is reported, relative to the usual reading
-# largest relative chi-square that shows the other reading without a search for deviations that fit better
+_MIRRORED = 0.5  # largest chi-square at which a mirrored file is reported, relative to the file as stated
+# largest relative chi-square at which a mirrored file is reported without a search for deviations that fit better
 _SURELY_MIRRORED = 0.1
 _SCREEN = 0.5  # smallest linear gain for which deviations are fitted, as a share of a clear gain
-_POLISHED = 2.0  # factor of the smallest chi-square up to which fits are continued on the fine torus
+_POLISHED = 2.0  # largest chi-square of a fit that is continued on the fine torus, as a multiple of the smallest
 _RESIDUAL_ORDERS = 3  # number of named orders of a residual
 UNIDENTIFIABLE_ANGLE = 360.0  # standard uncertainty of an angle that is not identifiable [deg]
 FIT_STATES = 200_000  # approximate number of states solved by the fits of a comparison
@@ -88,7 +88,7 @@ class Explanation:
     alignment: fitted alignment of the recording.
     F_ior_arcsec: F'_ior over the full cycle with the new values, from solved states [arcsec]; None without overrides.
     difference_left_arcsec: root mean square of the residual within the orders, from solved states [arcsec]; None if
-        these were not solved.
+        the states were not solved.
     orders_left: largest orders of the residual.
     """
 
@@ -116,9 +116,9 @@ class Explanation:
 class _Conclusion:
     """Conclusion of a comparison.
 
-    kind: whether the drive agrees, the file is mirrored, one deviation or several together explain the difference, or
-        none.
-    best: the explanation that the conclusion is based on, if any.
+    kind: whether the drive agrees, the file is mirrored, one deviation explains the difference, several deviations
+        together explain it, or it is unexplained.
+    best: the explanation on which the conclusion is based; None if there is none.
     """
 
     kind: _ConclusionKind
@@ -130,7 +130,12 @@ def _explanation(
     base: VectorFit,
     fitter: VectorFitter,
 ) -> Explanation:
-    """Return a fit in terms of the preset, without solving further states."""
+    """Return the explanation that a fit gives, in fields of the preset, without solving further states.
+
+    fit: the fit.
+    base: fit of the unchanged drive.
+    fitter: fitter of the drive.
+    """
     record = fitter.record
     drive = fitter.drive
     unknowns = len(fit.free)
@@ -142,7 +147,7 @@ def _explanation(
     names = _not_told_apart(fit)
     # new values are printed only if all of them are determined
     is_determined = len(changes) == len(fit.fitted) and not names
-    # in units of the remaining scatter
+    # the gain is relative to the remaining scatter
     gain = (base.chi_square - fit.chi_square) / excess
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
@@ -177,7 +182,10 @@ def _explained_share(
 
 
 def _gain_by_chance(unknowns: int) -> float:
-    """Return the decrease of chi-square with further unknowns that chance exceeds only four times in a million."""
+    """Return the decrease of chi-square that chance exceeds only four times in a million.
+
+    unknowns: number of further unknowns in the fit.
+    """
     return max(_CLEAR_GAIN, unknowns + CHI_SQUARE_CLEAR * float(np.sqrt(2 * unknowns)))
 
 
@@ -247,7 +255,7 @@ def _overrides(
 def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
     """Return the names of vectors that the recording does not resolve, one tuple for each combination of sizes."""
     names = []
-    # sums of vectors that cancel in the recording
+    # the vectors of an unidentifiable combination cancel in the recording
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
         if max((float(along**2) for along, _ in parts.values()), default=0.0) <= _BLIND_SHARE:
@@ -263,7 +271,13 @@ def _conclude(
     *,
     mirrored: bool,
 ) -> _Conclusion:
-    """Return the simplest explanation whose residual is within noise."""
+    """Return the conclusion with the simplest explanation whose residual is within noise.
+
+    base: explanation by the unchanged drive.
+    singles: explanations by one deviation.
+    joint: explanation by all deviations together; None if it was not computed.
+    mirrored: whether the file is mirrored.
+    """
     best = min(
         singles,
         key=lambda single: single.chi_square,
@@ -281,7 +295,7 @@ def _conclude(
 
 def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
     """Return other single deviations that explain the difference as well as the best one."""
-    # three standard deviations of one unknown
+    # fits within three standard deviations of one unknown count as equal
     largest = best.chi_square + _EQUAL_FIT * best.excess
     return [single for single in singles if single is not best and single.clear and single.chi_square <= largest]
 
@@ -332,7 +346,7 @@ class _RecordReader:
             torus=self.torus,
             run=run,
         )
-        # solved once for all ways to read the file
+        # the changes are solved once for all ways to read the file
         self._changes = self._doubt(drive)
         self._orders = RecordedOrders(
             sweep=measurement.directions[0], torus=self.torus, kinematics=Kinematics.of(drive), alignment=asked
@@ -363,9 +377,15 @@ def mirrored_reading(
     M_g: float,
     asked: Alignment,
 ) -> _MirroredFile | None:
-    """Return another reading of a recording if this reading by itself explains it; None otherwise.
+    """Return another reading of a recording if it explains the recording; None if it does not.
 
-    The other reading explains the recording if its residual is within noise or far smaller.
+    Another reading explains the recording if its residual is within noise or far smaller than that of the usual
+    reading. It is None if the usual reading explains the recording.
+
+    measurement: the measurement.
+    drive: the drive.
+    M_g: torque [N*m].
+    asked: usual counting convention of the file.
 
     Raises UsageError for rolling balls, and UntrustedError if a state cannot be trusted.
     """
@@ -448,7 +468,7 @@ class Comparison:
 
 
 def torque_of(drive: Drive) -> float:
-    """Return the torque of a comparison [N*m], the only one of the preset. Raises UsageError if it has several."""
+    """Return the only torque of the preset [N*m]. Raises UsageError if the preset has several torques."""
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(
@@ -481,7 +501,7 @@ def _solved_singles(
     fitter: VectorFitter,
     solved: SolvedStates,
 ) -> list[Explanation]:
-    """Return explanations by one deviation with F'_ior from solved states, and the best one with its residual."""
+    """Return explanations by one deviation with F'_ior from solved states; the best one also gets its residual."""
     least = min((single.chi_square for single in singles), default=np.inf)
     return [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
 
@@ -602,7 +622,10 @@ def _explanations(
     unchanged: Explanation,
     mirrored: tuple[_MirroredFile, VectorFit] | None,
 ) -> tuple[list[Explanation], Explanation | None, _MirroredFile | None]:
-    """Return explanations of the difference, by each vector and by all together, or the other reading of the file."""
+    """Return explanations by each vector, an explanation by all vectors, and the mirrored reading of the file.
+
+    There are no explanations if none is needed. The joint explanation and the reading are None if they do not apply.
+    """
     if unchanged.sufficient and _is_usual(unchanged) and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
     # if there is no mirrored reading, the fit of the usual reading takes its place
@@ -629,7 +652,7 @@ def _is_usual(explanation: Explanation) -> bool:
 
 
 def _single_fits(fitter: VectorFitter, base: VectorFit) -> list[VectorFit]:
-    """Return the fits of each single vector, with the good ones refined and the best one with its full covariance."""
+    """Return the fit of each single vector; good fits are refined, and the best one gets its full covariance."""
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     # poor fits are not refined on the fine torus
     largest_good = _POLISHED * min(fit.chi_square for fit in fits)
@@ -665,7 +688,7 @@ def _solved(
     residual = record.measured - coefficients[: len(record.measured)]
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
     sizes = [(pair.difference.amplitude_arcsec, pair.difference.uncertainty_arcsec or 0.0) for pair in pairs]
-    # orders that noise does not explain
+    # only orders that noise does not explain are reported
     clear = [pair for pair, (size, u) in zip(pairs, sizes, strict=True) if size > CHI_SQUARE_CLEAR * u]
     return replace(
         explained,

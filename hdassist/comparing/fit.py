@@ -35,14 +35,14 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 COARSE = 16  # points around each wheel for a first estimate with very different deviations
-_DOUBT_ROUNDS = 2  # times that the alignment is fitted, each time with the model doubts at the previous alignment
+_DOUBT_ROUNDS = 2  # number of fits of the alignment, each with the model doubts at the previous alignment
 _VECTOR_STEP = 1.0  # step of a difference quotient, in a vector's unit
 _LONGEST_STEP = 30.0  # longest step of an unknown, in a vector's unit or deg
 _STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # shares of a step that are tried until one reduces chi-square
 _MOST_STEPS = 15
 _SMALLEST_GAIN = 0.05  # smallest gain in chi-square after which the iteration continues
 _SMALLEST_GAIN_SHARE = 1e-3  # the same, as a share of the chi-square before the step
-_NEARER = 0.7  # a start replaces the drive's own deviations if its chi-square is below this share of theirs
+_NEARER = 0.7  # largest chi-square of a start that replaces the drive's own deviations, as a share of their chi-square
 _BLIND = 0.5  # largest standard uncertainty of an identifiable direction, as a share of the largest deviation
 _LEAST_BLIND = 20.0  # lower bound of this uncertainty, in a vector's unit
 _DIFFERENCE_ERROR = 1e-3  # error of difference quotients, as a share of the largest singular value
@@ -51,7 +51,7 @@ _START_SCALES = (0.5, 1.5, 2.0)
 _START_SIZE = 50.0  # size of a vector that is 0 in the drive, in the vector's unit
 _PROFILE_BLIND = 1e-2  # largest squared share of the start that may be unidentifiable if its profile is computed
 _PROFILE_LEAST = 1.0  # smallest standard uncertainty of the start for which its profile is computed [deg]
-_PROFILE_STEPS = 6  # largest number of steps to either side, of one standard uncertainty of the start each
+_PROFILE_STEPS = 6  # largest number of steps to each side; a step is one standard uncertainty of the start
 _PROFILE_RISE = 12.0  # rise of chi-square above the minimum at which a profile ends
 
 COUNT = len(VECTORS)
@@ -122,7 +122,7 @@ class VectorFitter:
         return fitter, fit
 
     def with_shift(self, fit: VectorFit) -> VectorFit:
-        """Return a fit with its covariance widened by its shift if the model is doubted at its own deviations."""
+        """Return a fit whose covariance includes its shift when the model doubts are those at its own deviations."""
         changes = self.doubt(with_vectors(self.drive, fit.vectors, fit.fitted))
         shift = (self._doubted_at(fit, changes).refined(fit).unknowns - fit.unknowns)[fit.free]
         # the fit cannot move along a direction that the recording does not determine
@@ -160,10 +160,10 @@ class VectorFitter:
         return np.array([residual @ columns @ np.linalg.lstsq(columns, residual)[0] for columns in columns_of_vector])
 
     def profiled(self, fit: VectorFit) -> VectorFit:
-        """Return a fit of one vector with minimum and covariance from a profile of the start, if this is uncertain.
+        """Return a fit of one vector with its minimum and covariance from a profile of the start.
 
-        The valley of chi-square is curved and may have other minima. Each start of the profile is weighted by its
-        likelihood.
+        The fit is returned unchanged if the start is not fitted or not uncertain. The valley of chi-square is curved
+        and may have other minima. Each start of the profile is weighted by its likelihood.
         """
         start = 2  # the vector's two components are the first unknowns
         # only an unknown start curves the valley
@@ -176,7 +176,7 @@ class VectorFitter:
         chi_square = np.array([point.chi_square for point in profile])
         best = int(chi_square.argmin())
         result = min(fit, self.refined(profile[best]), key=lambda candidate: candidate.chi_square) if best else fit
-        # likelihood along the profile
+        # weight each point of the profile by its likelihood
         weights = np.exp((chi_square[best] - chi_square) / 2)
         weights /= weights.sum()
         shifts = np.array([point.unknowns - result.unknowns for point in profile])[:, result.free]

@@ -184,15 +184,15 @@ class Alignment:
 
     @property
     def swapped(self) -> tuple[Alignment, ...]:
-        """The other readings of a recording: with the error, the input angle, or both counted the other way."""
+        """Alignments with the sign of the error, the sense of the input angle, or both reversed."""
         ways = ((-1, 1), (1, -1), (-1, -1))
         return tuple(replace(self, sign=way * self.sign, sense=turn * self.sense) for way, turn in ways)
 
     def of_file(self, trace: MeasuredTrace, kinematics: Kinematics) -> Alignment:
         """Return the alignment of a file that is read by this convention.
 
-        The requested sense is that of the angle and of the error in a file. If the file has two encoders, the sign of
-        the error follows from their counts: the output encoder counts like the model or in the opposite sense.
+        The requested sense applies to the angle and to the error in a file. If the file has two encoders, the sign of
+        the error follows from the sense in which the output encoder counts.
         """
         # an output encoder counts in the sense of the input only if the ratio is positive
         way = 1 if kinematics.u > 0 else -1
@@ -371,7 +371,7 @@ class RecordedOrders:
         return chi_square <= freedom + CHI_SQUARE_CLEAR * float(np.sqrt(2 * freedom))
 
     def freedom(self, unknowns: int) -> int:
-        """Return the degrees of freedom with a number of unknowns."""
+        """Return the degrees of freedom of a fit with a number of unknowns, at least 1."""
         return max(1, len(self.measured) - unknowns)
 
 

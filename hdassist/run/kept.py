@@ -39,7 +39,7 @@ from hdassist.run.system import PrivateFolder, UnsafeFolderError, private_folder
 
 _KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
 _LONGEST_LINE = 1 << 26  # largest length of a line [bytes]
-# s; time to wait for a lock, because processes started by a killed run hold its lock until they have ended too
+# time to wait for a lock [s], because processes started by a killed run hold its lock until they have ended
 LOCK_PATIENCE = 1.0
 _DIGITS = 16  # digits of a checksum
 
@@ -61,7 +61,7 @@ def own_schema(own: str) -> AfterValidator:
 
 
 class ClosedRecord:
-    """Base of records in our files, which have no other fields and only finite numbers."""
+    """Base class of records in files written by hdassist; extra fields and numbers that are not finite are invalid."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -128,7 +128,7 @@ class RecordKind(Generic[_RecordT]):
         above: bytes,
         name: str,
     ) -> Iterator[tuple[_RecordT, bytes]]:
-        """Yield records with their lines, without an incomplete last one.
+        """Yield the records with their lines, except for an incomplete last line.
 
         lines: lines below the owner.
         above: checksum of the owner.
@@ -141,7 +141,7 @@ class RecordKind(Generic[_RecordT]):
         for item, line in enumerate(lines):
             try:
                 fields, checksum = _unsealed(line, checksum)
-                # the line belongs to another position in the file
+                # another item number means that the line belongs to another position in the file
                 if fields.pop("item", None) != item:
                     raise ValueError(f"expected item {item}")
                 record = self.adapter.validate_python(fields)
@@ -277,7 +277,7 @@ class Kept(Generic[_RecordT]):
             return
         with suppress(OSError):
             status = Path(self._path).stat()
-            # still the same file and not shorter
+            # the name must still belong to the same file, which must not be shorter
             if os.path.samestat(status, os.fstat(self._descriptor)) and status.st_size >= self._size:
                 return
         raise self._lost()
@@ -304,9 +304,9 @@ class Kept(Generic[_RecordT]):
         name = str(self._path)
         lines = _lines(self._descriptor)
         first = next(lines, b"")
-        # not even the owner was written completely
+        # an incomplete owner was left by a run that was killed before it wrote any record
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
-            return self.begin()  # empty, or started by a run that was killed
+            return self.begin()
         owner, self._checksum = _owner_of(first, name)
         # records with different inputs must not be mixed
         owner.require_same(self._owner, name)
@@ -315,7 +315,7 @@ class Kept(Generic[_RecordT]):
             self.done = self.done + 1
             self._size = self._size + len(line)
             self._checksum = _checksum_of(line)
-        # after the last complete record
+        # anything after the last complete record is removed
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -389,7 +389,7 @@ def read_kept(
     name: str,
     kind: RecordKind[_RecordT],
 ) -> list[_RecordT] | None:
-    """Return the records of a file that is only read, None if it has another form.
+    """Return the records of a file that is only read; None if the file has another form.
 
     Raises DataError for an invalid record.
     """
@@ -491,7 +491,7 @@ def _writing(path: str | None, hint: str = "") -> Iterator[None]:
 
 
 def _lines(descriptor: int) -> Iterator[bytes]:
-    """Yield the lines of a file with their ends; a line longer than any of ours is split."""
+    """Yield the lines of a file with their line ends; lines longer than _LONGEST_LINE are split."""
     with os.fdopen(os.dup(descriptor), "rb") as file:
         file.seek(0)
         yield from iter(partial(file.readline, _LONGEST_LINE), b"")
@@ -571,7 +571,7 @@ def _short(value: Any) -> str:
 
 _AnswerT = TypeVar("_AnswerT")
 
-# environment variables: location of the cache folder, and a switch that disables the cache
+# environment variables with the location of the cache folder, and with a switch that disables the cache
 FOLDER = "HDASSIST_CACHE"
 NO_CACHE = "HDASSIST_NO_CACHE"
 OWN_FOLDER = "answers"  # name of the folder within the cache folder
@@ -616,9 +616,9 @@ def operating_system() -> str:
 
 
 def why_unsafe() -> str:
-    """Return the reason why the cache folder is not safe to use, or an empty text.
+    """Return the reason why the cache folder is not safe to use; empty if it is safe.
 
-    It is not safe if another user may write to it.
+    The folder is not safe if another user may write to it.
     """
     with suppress(*_UNUSABLE):
         try:
@@ -630,7 +630,7 @@ def why_unsafe() -> str:
 
 
 def cached(kind: str, key: str) -> bytes | None:
-    """Return stored data, None if there are none or if they are invalid.
+    """Return stored data; None if there are no data or if they are invalid.
 
     kind: kind of the data.
     key: key of the data (SHA-256).
@@ -692,7 +692,7 @@ def kept_answer(
 
 @dataclass(frozen=True)
 class KeptAnswer(Generic[_AnswerT]):
-    """A result that is stored in the cache, or will be.
+    """A result that may be stored in the cache.
 
     depends: everything that determines the result, as JSON.
     adapter: type of the result.
@@ -707,7 +707,7 @@ class KeptAnswer(Generic[_AnswerT]):
         return sha256(json.dumps(self.depends, sort_keys=True).encode()).hexdigest()
 
     def found(self) -> _AnswerT | None:
-        """Return the stored result, None if there is none or if it is invalid."""
+        """Return the stored result; None if there is no result or if it is invalid."""
         with suppress(ValueError):
             return self.adapter.validate_json((keeps_answers() and cached(self.kind, self._key)) or b"")
         return None
@@ -726,7 +726,7 @@ def cached_files() -> list[int]:
 
 
 def empty_cache() -> None:
-    """Remove all stored files, and no other files.
+    """Remove all files that hdassist has stored in the cache folder.
 
     Raises OSError if a file cannot be removed.
     """
