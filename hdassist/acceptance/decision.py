@@ -5,9 +5,10 @@ so that both commands give the same probability that F'_ior meets a limit.
 
 Measured values, guard rule (JCGM 106, ISO 14253-1): a value is accepted if it is within the limit by at least GUARD
 standard uncertainties, which corresponds to a probability of conformity of 95 %. It is rejected if it is beyond the
-limit by as much, and inconclusive otherwise. The guard band also allows for spectral lines outside the orders, which
-may increase the value in another cycle. If an uncertainty is not stated, the decision remains open. F'_ior of a
-recording is accepted by the upper end of its model instead, which also has a probability of 95 %.
+limit by at least this distance, and inconclusive in all other cases. The guard band also allows for spectral lines
+outside the orders, which may increase the value in another cycle. If an uncertainty is not stated, the decision remains
+open. For F'_ior of a recording, the upper end from its model replaces the guard band. This end, too, corresponds to a
+probability of 95 %.
 
 Simple rule: a value is accepted up to the limit.
 
@@ -71,7 +72,7 @@ class _PredictedQuantities:
 
     @property
     def parts(self) -> list[KinematicError | EstimatedCycle | SelfError | Stiffness]:
-        """All quantities, each with its certificate."""
+        """The predicted quantities, each of which has a certificate."""
         return [*self.errors.values(), *self.self_errors.values(), *self.stiffness]
 
     @property
@@ -110,7 +111,7 @@ PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
 class Belief(ClosedRecord):
     """Distribution of a value over all uncertain inputs, in its unit.
 
-    p5, p50, p95: percentiles.
+    p5, p50, p95: 5th, 50th and 95th percentile.
     probability: probability that the value meets its limit.
     probability_low, probability_high: Monte Carlo interval of this probability.
     few: whether there are fewer samples than a result requires.
@@ -162,7 +163,10 @@ class Predictions(DesignCheck):
         return tuple(filter(None, checks))
 
     def is_open(self, limit: Limit) -> bool:
-        """Return whether an uncertain input affects the value of a limit; deviations affect values over the cycle."""
+        """Return whether an uncertain input affects the value compared with a limit.
+
+        Deviations of the parts affect only values over the full cycle.
+        """
         moves_cycle = "cycle" in limit.check.needs
         fields = self.prior.fields if self.prior else ()
         return any(moves_cycle or not field.path.startswith(TABLE_SECTIONS) for field in fields)
@@ -174,7 +178,10 @@ class Predictions(DesignCheck):
         return self.drive.acceptance.travel < 360 * kinematics.cycle_cam_revolutions / abs(kinematics.u)
 
     def belief(self, limit: Limit) -> Belief | None:
-        """Return the distribution of the value of a limit, or None if no input affects it or there are no samples."""
+        """Return the distribution of the value compared with a limit, or None.
+
+        It is None if no uncertain input affects the value, or if there are no samples.
+        """
         if self.samples is None or not self.is_open(limit):
             return None
         if limit.check is F_IOR:
@@ -220,7 +227,7 @@ def quantities(
     """Return the quantities required for limits, at the nominal values of the preset.
 
     drive: the drive.
-    limits: its limits.
+    limits: limits whose values are required.
     error_of: function that returns the error over the cycle at a torque [N*m].
     run: the run.
     """
@@ -328,7 +335,7 @@ def _samples(
     torques = [*drive.operation.M_g, *(point.M_g for point in predictions.points)]
     return draw_samples(
         prior,
-        # including the torques of `hdassist check`, so that both commands use the same draws
+        # the torques of `hdassist check` are included, so that both commands use the same draws
         tuple(dict.fromkeys(torques)),
         evidence=evidence_of(drive),
         figures_of=partial(_figures, figured) if figured else None,
@@ -341,7 +348,7 @@ def _samples(
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
-    """Return values of a drive by the label of their limit, with the certificate of the solved states."""
+    """Return the values of a drive for limits, by label of the limit, and the certificate of the solved states."""
     predicted = quantities(
         drive,
         limits,
@@ -373,8 +380,8 @@ class CoveredCycle(ClosedRecord):
     share: covered share of the cycle, 0 to 1.
     at_most: smallest limit that F'_ior of the full cycle meets with a probability of 95 % [arcsec]; None if the share
     is too small to pass a drive, or the model does not apply.
-    record_next_deg: output angles between which a recording would narrow F'_ior most; None if unknown.
-    why_open: reason why at_most is None; empty otherwise.
+    record_next_deg: range of output angles whose recording would narrow the interval of F'_ior most; None if unknown.
+    why_open: reason why at_most is None; empty if it is a number.
     interval: 95 % interval of F'_ior of the full cycle [arcsec], as given by `measure`; None if the model does not
     apply.
     at_least: largest limit that F'_ior exceeds with a probability of 95 % [arcsec]; None if the model does not apply.
@@ -430,16 +437,16 @@ class AcceptedValue(ClosedRecord):
     """A measured or predicted value with its uncertainty; an unknown value if created without arguments.
 
     value: value in the unit of its check; the median if there is a distribution.
-    expanded_uncertainty: with k = 2; None if the value is predicted.
+    expanded_uncertainty: expanded uncertainty (k = 2); None if the value is predicted.
     basis: how the value was obtained.
-    extent: scope of the value. It is the value of the whole cycle, a lower or upper bound of it, the value of a part
-    that does not apply to the whole, a prediction at nominal values although other inputs are possible ("not known"),
-    or there is no value because the torque lies between the recorded torques.
+    extent: scope of the value: the whole cycle, a lower or upper bound for it, a part that does not represent the
+    whole, a range at positions whose scatter is unknown, a prediction at nominal values although uncertain inputs were
+    not sampled ("not known"), or no value because the torque lies between the recorded torques.
     rise: amount by which the value may be larger in another cycle.
     unstated: sources whose uncertainty is not stated.
     belief: distribution of a predicted value over the uncertain inputs.
-    at_most: for a lower bound, the value that 95 of 100 drives with this bound do not exceed, from a plan of positions
-    or from the model of a recording.
+    at_most: for a lower bound, the value that F'_ior of the full cycle does not exceed with a probability of 95 %, from
+    a plan of positions or from the model of a recording.
     full_cycle: result of the model, for F'_ior of a recording.
     """
 
@@ -477,7 +484,7 @@ class AcceptedValue(ClosedRecord):
     def stated(cls, stated: LimitText, limit: Limit) -> AcceptedValue:
         """Return a reported value, VALUE±U with the expanded uncertainty U (k = 2).
 
-        Raises UsageError if the text is not a value, has no uncertainty, or the value is below zero.
+        Raises UsageError if the text is not a value or has no uncertainty, or if the value is negative or an invalid 0.
         """
         option = f"--value {stated}"
         if not is_spread(stated.text):
@@ -504,7 +511,7 @@ class AcceptedValue(ClosedRecord):
         """Return F'_ior from approached positions, which capture only a part of it.
 
         seen: range at the positions.
-        sources: sources of its uncertainty, stated or not.
+        sources: further sources of its uncertainty; arcsec is None for those not stated.
         """
         accepted = cls(
             value=seen.arcsec,
@@ -519,7 +526,7 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def between_torques(cls) -> AcceptedValue:
-        """Return an unknown value for a torque between the recorded ones, where the error may not be linear."""
+        """Return an unknown value for a torque between the recorded ones, where linear interpolation may be wrong."""
         return cls(extent="between torques")
 
     @classmethod
@@ -559,7 +566,7 @@ class AcceptedValue(ClosedRecord):
 
 
 def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
-    """Return the amplitude of an order [arcsec], its standard uncertainty, and a rise of 0; None without the order."""
+    """Return the amplitude of an order [arcsec], its standard uncertainty, and a rise of 0; None if not fitted."""
     fitted = sweep.order_alone(order)
     return (fitted.amplitude_arcsec, fitted.uncertainty_arcsec, 0.0) if fitted else None
 
@@ -579,7 +586,7 @@ class DecidedCheck(AcceptedValue, Limit):
 
     guard: guard band on each side of the limit.
     limit_is: whether the limit is the largest or the smallest value allowed ("greatest", "least").
-    margin: margin of the value to the limit, or that of at_most for a lower bound that does not fail.
+    margin: margin of the value to the limit; for a lower bound that does not fail, margin of at_most.
     unit: unit of the check.
     verdict: the verdict.
     reason: reason for the verdict, None if it needs none.
@@ -630,7 +637,7 @@ def decide(
 def _guard_band(accepted: AcceptedValue) -> float:
     """Return the distance below a value at which a limit is exceeded with a probability of 95 %.
 
-    The model of a recording gives it; otherwise it is a multiple of the standard uncertainty.
+    The distance follows from the model of a recording. Without a model it is a multiple of the standard uncertainty.
     """
     if accepted.full_cycle and accepted.full_cycle.at_least is not None and accepted.value is not None:
         return accepted.value - accepted.full_cycle.at_least
@@ -644,7 +651,7 @@ def _below(accepted: AcceptedValue) -> float:
     return accepted.expanded_uncertainty or 0.0
 
 
-# reasons why a value of limited extent decides nothing
+# reasons why a value with one of these extents is inconclusive
 _OPEN_EXTENTS: dict[Extent | None, str] = {
     "not known": "the uncertain inputs were not sampled",
     "scatter not known": "each position was approached once, so scatter may increase the range",
@@ -662,7 +669,7 @@ def _verdict(
     """Return the verdict on a value, and the reason if the verdict needs one.
 
     accepted: the value.
-    room: margin of the value to the limit; None without a value.
+    room: margin of the value to the limit; None if there is no value.
     guard: guard band of the value.
     rule: decision rule for measured values.
     sure: probability of meeting a limit that PASS of a prediction requires.
@@ -701,7 +708,7 @@ def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]
     if accepted.extent == "at most":
         return Verdict.INCONCLUSIVE, OF_TRAVEL
     if accepted.extent == "at least" and room + _below(accepted) > 0:
-        # the lower end of the interval is within the limit, although the rule rejects the value
+        # the rule rejects the value although the lower end of its interval is within the limit
         return (
             Verdict.FAIL,
             f"the estimate {accepted.value:.4g} exceeds the limit according to the decision rule of the plan",

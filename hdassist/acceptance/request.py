@@ -1,6 +1,6 @@
 """Requests of an acceptance as plain data, for one drive or for each row of a lot, and reading of their inputs.
 
-A request is stored with its result and can be executed again. The columns of a lot are: serial, preset, measured or
+A request is stored with its result and can be executed again. A lot may have these columns: serial, preset, measured or
 measured@80 (a file), pitch_b, pitch_g (files of measured teeth), mark_b, mark_g (directions of their marks),
 NAME[@TORQUE] (a reported value with its uncertainty), limit NAME[@TORQUE], and section.key (an override of the preset).
 Columns whose names begin with # or note are ignored. Each column corresponds to a field of the request. Its cells
@@ -67,8 +67,8 @@ class Inputs:
 
     drive: the drive.
     measurements: results of recordings by torque [N*m].
-    stated: values by limit.
-    wheels: measured wheels, None without any.
+    stated: values from reports and from recordings of positions, by limit.
+    wheels: measured wheels, None if there are none.
     positions: tables of approached positions by torque [N*m], with the range of F'_ior that they capture.
     """
 
@@ -80,7 +80,7 @@ class Inputs:
 
     @property
     def unmeasured(self) -> tuple[Limit, ...]:
-        """The limits of the drive without a recording or a value.
+        """The limits of the drive for which there is neither a recording nor a value.
 
         Raises DataError if there is no limit, if a recording belongs to no limit, or if an order of the preset does not
         exist in the full cycle.
@@ -114,7 +114,7 @@ class Request(ClosedRecord):
     preset: name, path or "-".
     serial: serial number of the drive, for reports.
     overrides: overrides of the preset.
-    limits: limits instead of those of the preset.
+    limits: limits that replace those of the preset.
     measured: recordings.
     values: reported values.
     reading: options for reading recordings.
@@ -125,8 +125,8 @@ class Request(ClosedRecord):
     draws: minimum effective sample size of the uncertain inputs.
     sure: probability of meeting a limit that PASS of a prediction requires.
     strict: whether every limit must be decided by a measurement.
-    shared: serial numbers of other drives of the lot that use one of the same recordings.
-    shared_records: whether such recordings decide nevertheless.
+    shared: serial numbers of other drives of the lot that use a recording of this drive.
+    shared_records: whether shared recordings are allowed to decide.
     """
 
     preset: OneLine
@@ -147,7 +147,7 @@ class Request(ClosedRecord):
     shared_records: bool = False
 
     def files(self) -> list[str]:
-        """Return the paths of all files read for the request; the first is the preset, possibly one of the library."""
+        """Return the paths of all files read for the request, beginning with the preset or its name in the library."""
         # only predictions need measured wheels
         wheels = [] if self.measured_only else self.wheels.files.values()
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
@@ -156,7 +156,8 @@ class Request(ClosedRecord):
         """Return the drive with its limits.
 
         asked: options that become part of the drive's origin.
-        Raises DataError, PresetError, or UsageError for an invalid override or limit.
+        Raises DataError or PresetError for an unusable preset.
+        Raises UsageError for an invalid override or limit.
         """
         limits = [LimitText.parse(text, "--limit") for text in self.limits]
         return load_limited(self.preset, self.overrides, limits, asked)
@@ -270,7 +271,10 @@ class Request(ClosedRecord):
         return values
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels, or None without wheels or predictions. Raises the errors of WheelFiles.read."""
+        """Return the measured wheels, or None if there are none or predictions are omitted.
+
+        The errors raised are those of `WheelFiles.read` and `WheelFiles.require_sound`.
+        """
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
@@ -281,7 +285,7 @@ class Request(ClosedRecord):
         wheels: MeasuredTeeth | None,
         run: Run = Run(),
     ) -> Predictions | None:
-        """Return predictions for limits of the drive, or None if there are none or predictions are omitted.
+        """Return predictions for limits of the drive, or None if no limit can be predicted or predictions are omitted.
 
         Raises UntrustedError if a result is not reliable.
         """
@@ -309,11 +313,11 @@ def _recorded_values(
     M_g: float,
     stated: Mapping[Limit, AcceptedValue],
 ) -> dict[Limit, AcceptedValue]:
-    """Return the values of a recording for limits that also have a reported value, to report the conflict.
+    """Return the values of a recording for limits that also have a reported value, to detect a conflict.
 
-    A recording that only has other torques gives no value.
+    A recording made only at other torques has no values.
     """
-    # such a recording gives no value at the torque, so it does not contradict a reported one
+    # a recording at torques below and above does not contradict a reported value
     if measurement.trace.is_between_torques:
         return {}
     direction = measurement.directions[0]
@@ -328,7 +332,7 @@ def _range_of_positions(
 ) -> SeenRange:
     """Return the range of F'_ior at approached positions of a drive.
 
-    Raises DataError if the positions were planned for another drive, or if there is only one.
+    Raises DataError if the positions were planned for another drive, or if there is only one position.
     """
     # the sheet was planned for another drive
     if record.plan and record.plan.drive != drive.name:
@@ -384,9 +388,9 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
 class LotRow:
     """A drive to accept as a row of a lot.
 
-    request: its request.
-    place: its place, FILE:LINE; None if it is not a row of a lot.
-    fault: error in the row itself, in which case the request must not be executed.
+    request: request for the drive.
+    place: position of the row, FILE:LINE; None if the drive is not a row of a lot.
+    fault: error in the row itself, None if there is none. A request with an error must not be executed.
     cells: name in messages (FILE:LINE:COLUMN: heading) and text of each cell that sets an option, by the name that
     messages use for the option's value.
     """
@@ -407,7 +411,7 @@ class LotRow:
 
     def _in_cell(self, line: str) -> str:
         """Return a line of a message, with the cell named instead of the option."""
-        # the longest match: --limit F_ior@80 contains --limit F_ior@8
+        # the longest match applies, because --limit F_ior@80 contains --limit F_ior@8
         option = max((option for option in self.cells if option in line), key=len, default="")
         if not option:
             return line
@@ -433,7 +437,7 @@ class Lot:
     remarks: tuple[int, ...] = ()
 
     def with_shared_records(self) -> Lot:
-        """Return the lot with each request that shares a recording with other drives listing their serial numbers."""
+        """Return the lot with requests that list the serial numbers of the other drives that share their recordings."""
         recordings = [_recordings(row.request) for row in self.rows]
         serials: dict[str, dict[str, None]] = {}  # serial numbers of the drives of each recording, by its SHA-256
         for row, hashes in zip(self.rows, recordings, strict=True):
@@ -472,10 +476,10 @@ def is_lot(path: str) -> bool:
 
 
 def read_lot(path: str, base: Request) -> Lot:
-    """Return a lot; an error in a row is stored with the row.
+    """Return the lot in a file. An error in a row is stored with the row instead of being raised.
 
     path: path of the table.
-    base: request for every drive, extended by the cells of each row. Its preset is empty or that of rows without one.
+    base: request for every drive, extended by the cells of each row. Its preset applies to rows without a preset.
     Raises DataError if the file cannot be read or lists no drive.
     Raises PresetError if column names are unusable.
     """
@@ -499,7 +503,8 @@ def read_lot(path: str, base: Request) -> Lot:
 def _columns(table: CellTable) -> list[_Column | None]:
     """Return the columns of a table, None for those that are ignored.
 
-    Raises PresetError with every invalid column name, or DataError if no name is valid.
+    Raises PresetError that lists all invalid column names.
+    Raises DataError if none of several names is valid.
     """
     findings: list[Finding] = []
     columns: list[_Column | None] = []

@@ -5,7 +5,8 @@ angle or deviation, and the side from which the position was approached (1 or -1
 column of deviations for each run, whose name states the side ("run 1 fwd"). A file of loops has the torque at the
 output, the twist with the input locked, and optionally the number of the place in a third column.
 
-Positions: each deviation is that of its position and side plus the scatter of the approach, which is equal everywhere.
+Positions: each measured deviation is the deviation of its position and side plus the scatter of the approach. The
+scatter has the same size at all positions.
 Statistics of simulated approaches give the uncertainty of the measured statistics, and the amount by which scatter
 widens a range.
 Loops: the twist at a torque is that of a parabola through the nearby readings, on each branch.
@@ -32,13 +33,13 @@ from hdassist.readers.words import TURN_ARCSEC, is_numbered_run, run_side_in
 
 _LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
 _AROUND = 5  # minimum number of readings for the fit of a parabola
-TINY = 1e-30  # N*m: avoids division by 0
+TINY = 1e-30  # smallest range of torque [N*m], which avoids division by 0
 _LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
 _SHRINK = 2.0  # multiple of the variance due to scatter that is subtracted from the variance of mean deviations
 # Factor on the spread of a range whose bias was removed: the correction repeats the scatter of the estimate.
 _SPREAD_FACTOR = 1.15
 _LEAST_CHANCE = 0.975  # probability that a range is at least its lower confidence limit
-_PLAN = re.compile(  # as hdassist plan writes it, also in earlier versions (turns, both ways)
+_PLAN = re.compile(  # text written by hdassist plan, including earlier versions (turns, both ways)
     r"(?P<drive>.*), (?P<count>[0-9]{1,9}) positions"
     r"(?: over (?P<turns>[0-9.e+-]+) output (?:revolutions|turns))?(?P<both> both ways| from both sides)?"
 )
@@ -48,7 +49,7 @@ _ANGLE_ROLES = ("twist", "actual", "angle", "output")  # roles of columns that c
 _SAME_TARGET = 0.5  # arcsec: targets closer together than this are the same position
 
 
-_REMARKS = {  # remarks of a sheet: smallest and largest number, and a description of the numbers
+_REMARKS = {  # remarks of a sheet, each with its smallest and largest number and a description of its numbers
     "torque": (-1e7, 1e7, "a torque in N*m up to 1e+07"),
     "sees": (1e-9, 1.0, "three rising shares"),
     "uncertainty": (0.0, LARGEST_UNCERTAINTY, f"a standard uncertainty in arcsec from 0 to {LARGEST_UNCERTAINTY:g}"),
@@ -82,7 +83,7 @@ class PositionRecord:
 
     target_arcsec: target angle of each approach.
     deviation_arcsec: deviation from the target.
-    side: 1 or -1.
+    side: side from which the position was approached, 1 or -1.
     """
 
     table: NumberTable
@@ -131,9 +132,9 @@ class PositionRecord:
         return True
 
     def remark(self, key: str) -> tuple[float, ...]:
-        """Return the numbers of the remark "key: number ..." that hdassist plan writes, or () without the remark.
+        """Return the numbers of the remark "key: number ..." that hdassist plan writes, or () if it does not exist.
 
-        Raises PresetError, with the line of the remark, for other text and for numbers that a plan cannot contain.
+        Raises PresetError, with the line of the remark, if it has another form or numbers that a plan cannot contain.
         """
         numbers = tuple(map(number_of, self._remark_text(key).split()))
         low, high, expected = _REMARKS[key]
@@ -171,7 +172,7 @@ class StatedQuantity:
 
     name: name of its acceptance limit.
     arcsec: measured value.
-    uncertainty_arcsec: standard uncertainty, None without repeated approaches.
+    uncertainty_arcsec: standard uncertainty, None if no approach was repeated.
     of: description of the readings from which it was computed.
     noise_arcsec: amount, exceeded in one recording out of 40, by which scatter of the approaches makes a range larger
     than that of the true deviations.
@@ -210,9 +211,10 @@ class SeenRange:
     """The range of deviations at approached positions, and the estimates of F'_ior that follow from the plan.
 
     arcsec: range at the positions.
-    uncertainty_arcsec: standard uncertainty including that stated by the plan, None without repeated approaches.
-    expanded_arcsec: distance of the lower confidence limit below the range; without repetition from the plan only.
-    seen: shares of F'_ior that the positions capture, 5, 50 and 95 % quantiles over drives and starting angles; empty
+    uncertainty_arcsec: standard uncertainty including that stated by the plan, None if no approach was repeated.
+    expanded_arcsec: distance of the lower confidence limit below the range; if no approach was repeated, it includes
+    only the uncertainty stated by the plan.
+    seen: share of F'_ior that the positions capture, as 5, 50 and 95 % quantiles over drives and starting angles; empty
     unless a plan was carried out.
     M_g: torque of the plan [N*m].
     is_cut: whether planned positions or sides are missing.
@@ -249,11 +251,11 @@ class PlaceLoop:
 
 
 def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionRecord | LoopRecord | None:
-    """Return the positions or loops of a table, identified by its column names, or None for another table.
+    """Return the positions or loops of a table, identified by its column names, or None for any other table.
 
     table: table of numbers with column names.
-    form: units stated in options, or None. If it names columns of a recording, the table is a recording.
-    Raises UsageError if no column has a stated unit.
+    form: units stated in options, or None. If the form selects columns of a recording, the result is None.
+    Raises UsageError if a unit is stated for a column that the table does not have.
     Raises PresetError if a column name has an unknown unit.
     """
     form = form or TraceForm()
@@ -261,7 +263,7 @@ def bench_record(table: NumberTable, form: TraceForm | None = None) -> PositionR
     angle = next((role for role in _ANGLE_ROLES if role in columns), "")
     # the user names columns only for a recording
     is_trace = not (form.angle is form.angle_of is form.error is form.second is None)
-    # an input angle makes it a recording, regardless of the other columns
+    # a table with an input angle is a recording, regardless of its other columns
     if "cam" in columns or is_trace:
         return None
     # a column of targets belongs to approached positions
@@ -357,7 +359,7 @@ def _loop(
 
 
 def _run_sides(table: NumberTable) -> dict[int, int]:
-    """Return the side of each column that contains one run, by column number, or an empty dict for another table form.
+    """Return the side of each column that contains one run, by column number; empty for a table of another form.
 
     Numbered runs without a side count as forward if no column states a side.
     Raises PresetError if only some of the columns state a side.
@@ -367,13 +369,13 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
     if roles.count("target") != 1 or "side" in roles:
         return {}
     names = {column: name for column, name in enumerate(table.names) if roles[column] != "target"}
-    # fwd, bwd and similar words in the column names
+    # sides by fwd, bwd and similar words in the column names
     sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
     without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
     if sides and without_side:
         message = f'the column "{names[without_side[0]]}" states no side, but other runs do'
         raise table.fault(message, "write fwd or bwd into the name of each run, for example run 1 bwd [arcsec]")
-    # if no run states a side, all are forward
+    # if no run states a side, all runs are forward
     return sides or dict.fromkeys(without_side, 1)
 
 
@@ -392,7 +394,7 @@ def _positions_of_runs(
     runs: side of each column that contains one run, by column number.
     form: units stated in options.
     Raises UsageError if a unit is stated for a column that the table does not have.
-    Raises PresetError if a column name has an unknown unit, or if the runs are of both kinds.
+    Raises PresetError if a column name has an unknown unit, or if some runs contain deviations and others angles.
     Raises DataError if the readings are too large to be deviations.
     """
     units = form.angle_units
@@ -492,11 +494,11 @@ class _Approaches:
         """
         positioning = []  # one value for each side
         for way in np.unique(self.side):
-            # mean of repeated approaches, since F'_ior is a property of the drive, without scatter
+            # repeated approaches are averaged, since scatter is not part of the drive's F'_ior
             means = [deviations[:, rows].mean(axis=1) for rows in self.groups if self.side[rows[0]] == way]
             if len(means) > 1:
                 positioning.append(np.ptp(means, axis=0))
-        # positions that were approached from both sides
+        # rows of the positions that were approached from both sides
         both_sides = [rows for rows in self.positions if np.ptp(self.side[rows])]
         ranges = {
             "positioning": positioning,
@@ -526,9 +528,9 @@ class _DrawnFigures:
         seed: int,
         draws: int,
     ) -> _DrawnFigures | None:
-        """Return quantities of approaches with the scatter of the measured ones, or None without repeated approaches.
+        """Return quantities of simulated approaches with the measured scatter, or None if no approach was repeated.
 
-        The size of the scatter is uncertain, so each draw has its own.
+        The size of the scatter is uncertain, so each draw has its own size.
         """
         deviation = approaches.deviation_arcsec
         # the mean of each group uses up one degree of freedom
@@ -538,7 +540,7 @@ class _DrawnFigures:
         means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in approaches.groups])
         square_sum = float(np.sum((deviation - means) ** 2))
         rng = np.random.default_rng(seed)
-        # few repetitions leave the size of the scatter uncertain, so it is sampled as well
+        # few repetitions leave the size of the scatter uncertain, so each draw has its own size
         scatter = np.sqrt(square_sum / rng.chisquare(freedom, (draws, 1)))
         errors = scatter * rng.standard_normal((draws, len(deviation)))
         # draws are centred on means without the spread that scatter added to them
@@ -614,7 +616,7 @@ def _without_scatter(
 ) -> Array:
     """Return the mean deviation for the position and side of each approach, without the spread that scatter adds.
 
-    Means of few approaches scatter too, so their range is larger than that of the true deviations. The means of a side
+    Means of few approaches also scatter, so their range is larger than that of the true deviations. The means of a side
     are shrunk towards their common mean by the share of scatter in their variance.
 
     deviation: deviation of each approach [arcsec], shape (rows,).
@@ -629,7 +631,7 @@ def _without_scatter(
         spread = float(np.var(means, ddof=1)) if len(means) > 1 else 0.0
         # mean variance of the means, each of n readings
         by_scatter = variance * float(np.mean([1 / len(rows) for rows in of_side]))
-        # as for orders: twice the noise is subtracted from the power
+        # as for orders, twice the variance due to noise is subtracted
         kept = max(0.0, 1 - _SHRINK * by_scatter / spread) if spread else 1.0
         shrunk = means.mean() + np.sqrt(kept) * (means - means.mean())
         for rows, mean in zip(of_side, shrunk, strict=True):
@@ -663,7 +665,7 @@ def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> 
     is_cut = bool(shares) and (plan is None or not record.is_carried_out(plan))
     # contribution of encoder, coupling and temperature, according to the sheet
     by_plan = COVERAGE_FACTOR * hypot(*planned_uncertainty)
-    if by_scatter is None:  # without repetition only the plan states the scatter of the readings
+    if by_scatter is None:  # no approach was repeated, so only the plan states an uncertainty
         uncertainty = None
         expanded = by_plan
     else:
@@ -729,7 +731,7 @@ class _LoopBranches:
             ) from None
         rising = self._twists([branch.rows for branch in branches if branch.direction == 1], "rising", torques)
         falling = self._twists([branch.rows for branch in branches if branch.direction == -1], "falling", torques)
-        # its absolute value at torque 0 is the hysteresis loss
+        # the absolute difference at torque 0 is the hysteresis loss
         difference = rising.arcsec - falling.arcsec
         variance = rising.variance + falling.variance
         # change of twist between the outer torques, on each branch
@@ -801,7 +803,7 @@ def _twist_at(
     reach: largest torque difference of the readings used [N*m], increased if it includes too few readings.
     """
     offset = torque - wanted
-    # a distance that includes _AROUND readings even if they are sparse
+    # distance that includes _AROUND readings even if they are sparse
     nearest = float(np.partition(np.abs(offset), _AROUND - 1)[_AROUND - 1])
     is_near = np.abs(offset) <= max(reach, nearest)
     # the parabola is centred on the wanted torque, so its constant is the twist there

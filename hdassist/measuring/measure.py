@@ -66,7 +66,7 @@ from hdassist.readers.trace import BY_ORDER, MeasuredTrace, TraceForm, read_reco
 from hdassist.run.kept import ClosedRecord
 
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
-_SHORTEST_TURNS = 1.0  # input revolutions
+_SHORTEST_TURNS = 1.0  # input revolutions that one direction must cover
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
@@ -83,7 +83,7 @@ _STRAIGHT = (
     "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
 )
 _CYCLES_OF_RATIO = 1.2  # full cycles from which a recording shows whether its sidebands are those of the ratio
-_BENT = 1 / 4  # largest departure of a drift from a straight line to either side, as a share of it
+_BENT = 1 / 4  # largest deviation of a drift from a straight line, as a share of the drift
 _COARSE_STEP = 1 / 4  # largest step of readings at even angles, as a share of F'_ior
 _BOTH_WAYS = 2  # number of directions
 _LAG_CLEAR = 3.0  # standard uncertainties that a lag must exceed before the angles are corrected for it
@@ -121,18 +121,18 @@ class SweepResult:
     grid_turns: covered input angles [revolutions], shape (angles,).
     range: range of the curve over the covered angles.
     revolution: largest range within one input revolution.
-    cam: range of the orders of the input, without slow terms of the output.
+    cam: range of the orders of the input, excluding slow terms of the output.
     slope: largest slope [arcsec per input revolution].
     slow_arcsec: range of the slow terms.
     raw_range_arcsec: range of the readings, without the drift if its removal was requested.
     orders: orders of the fit.
     orders_of_cam: declared orders with their sidebands.
-    coverage: None if the ratio is unknown.
+    coverage: coverage of the full cycle or the travel, None if the ratio is unknown.
     sources: sources of the uncertainty of F'_ior.
     torques: F'_ior at the smallest, mean and largest torque, if the orders change with the torque.
     torque_miss_arcsec: largest error of linear interpolation between these torques, None if it is unknown.
     is_scale_bound: whether all errors may be larger by one common factor.
-    shafts: components of stated shafts.
+    shafts: components of the stated shafts outside the drive.
     full_cycle: F'_ior of the full cycle from the model of the recording, or the reason why it is not available. It is
     None before `with_full_cycle`. If it is available, its value and interval are those of F'_ior.
     """
@@ -158,7 +158,7 @@ class SweepResult:
 
     @property
     def bins(self) -> Bins:
-        """The averages of the readings to which the fit was made."""
+        """The averaged readings to which the orders were fitted."""
         return self.fit.bins
 
     @property
@@ -168,12 +168,12 @@ class SweepResult:
 
     @property
     def F_ior_arcsec(self) -> float:
-        """F'_ior, or the range of the recorded part if F'_ior is a lower bound."""
+        """F'_ior from the model of the recording, or the range over the covered angles if there is no model."""
         return self.by_model.value_arcsec if self.by_model else self.range.value
 
     @property
     def budget(self) -> tuple[UncertaintySource, ...]:
-        """The sources of the uncertainty of F'_ior; that of the model replaces the scatter of fitted orders."""
+        """The sources of the uncertainty of F'_ior; a model of the recording replaces the scatter of fitted orders."""
         if self.by_model is None:
             return self.sources
         by_model = self.by_model.standard_uncertainty_arcsec
@@ -205,7 +205,7 @@ class SweepResult:
         return tuple(order for order in self.orders if order.is_line)
 
     def order_alone(self, per_cam_rev: float) -> MeasuredOrder | None:
-        """Return an order without its sidebands, which is compared with a limit, or None if there is none."""
+        """Return the fitted order nearest to an order, without its sidebands, or None if none was fitted there."""
         candidates = [order for order in self.orders if abs(order.per_cam_rev - per_cam_rev) <= 0.5 / self.bins.span]
         return min(
             candidates,
@@ -237,7 +237,7 @@ class Measurement:
     notes, warnings: statements on what was omitted or removed.
     seed: seed of the bootstrap.
     torque: recorded torque, None if it was not recorded.
-    alone: separate results by direction if both were combined; otherwise, or if the directions are too short, empty.
+    alone: separate results by direction if both were combined and each is long enough, otherwise empty.
     """
 
     trace: MeasuredTrace
@@ -253,7 +253,7 @@ class Measurement:
 
     @property
     def greatest(self) -> SweepResult:
-        """The direction with the largest F'_ior among the separate directions."""
+        """The result of the direction with the largest F'_ior."""
         return (self.alone or self.directions)[0]
 
     @property
@@ -310,16 +310,17 @@ def measure(
     """Return F'_ior, orders and coverage of a measured recording.
 
     trace: recording of one or both directions.
-    drive, ratio: at most one of them, for the cycle, the coverage and the sidebands; both None if the ratio is unknown.
-    orders: orders per input revolution, increasing, to which the error is limited; None for 1 to 12, or as many of
-    these as the steps of the angle resolve.
+    drive, ratio: at most one of them, which determines the cycle, the coverage and the sidebands; both None if the
+    ratio is unknown.
+    orders: orders per input revolution, increasing, to which the error is limited. None selects those of 1 to 12 that
+    the steps of the angle resolve.
     drift: drift to remove: none, linear or quadratic.
     stated: standard uncertainties [arcsec] by source.
     seed: seed of the bootstrap.
     together: whether both directions are combined, with direction number 0.
     may_be_noise: whether an F'_ior that does not exceed its noise is allowed.
     travel_deg: travel of the output. If given, F'_ior is the range of the error within it, including slow terms.
-    M_g: torque at which F'_ior is computed [N*m], if the recording has a column of torque.
+    M_g: torque at which F'_ior is computed [N*m]; None for the torque of the recording.
     shafts: shafts outside the drive whose components are determined.
     Raises UsageError for an invalid argument.
     Raises DataError for less than one input revolution in one direction, or if the torque was not recorded.
@@ -385,7 +386,8 @@ def _reversal_of(
 class _RecordUnderway:
     """A recording that is being evaluated direction by direction, with the arguments of `measure`.
 
-    trace: recording without omitted readings, with its steps, and without wind-up computed from a catalogue.
+    trace: recording after the corrections so far: readings omitted, steps of the level marked, and wind-up
+    removed by the catalogue stiffnesses.
     torque: recorded torque, None without a column of torque.
     notes, warnings: statements collected so far.
     """
@@ -411,7 +413,7 @@ class _RecordUnderway:
 
     def directions_alone(self) -> list[SweepResult]:
         """Return the separate results of each direction, or an empty list if they are too short or not reliable."""
-        with suppress(HdassistError):  # both directions combined may be sufficient
+        with suppress(HdassistError):  # the two directions combined may still be sufficient
             return replace(self, together=False, may_be_noise=True).directions()
         return []
 
@@ -419,8 +421,8 @@ class _RecordUnderway:
         """Remove the lag between the encoders from the input angles if this improves the agreement of the directions.
 
         A lag shifts the error along the angle, in opposite senses for the two directions, and more at a higher speed.
-        The levels give its size. The better agreement gives its sign, and shows that the difference is not due to
-        friction.
+        The difference between the levels of the directions gives the size of the lag. The better agreement gives its
+        sign, and shows that the difference is not due to friction.
 
         alone: separate results of each direction.
         """
@@ -484,9 +486,9 @@ class _RecordUnderway:
         return True
 
     def _with_order_changes(self, sign: int, fit: TraceFit) -> tuple[TraceFit, float | None]:
-        """Return a fit whose orders change with the torque if they do, and the largest interpolation error [arcsec].
+        """Return a fit, with orders that depend on the torque if needed, and the largest interpolation error [arcsec].
 
-        A torque that changes within sweeps but follows the output angle modifies the sidebands instead.
+        If the torque changes within sweeps and follows the output angle, its effect is part of the sidebands instead.
         """
         torque = self.torque
         if torque is None or not torque.is_change([fit.bins.load]):
@@ -500,10 +502,10 @@ class _RecordUnderway:
         return fit, torque_miss
 
     def _with_lines(self, fit: TraceFit) -> tuple[TraceFit, float]:
-        """Return a fit with its lines, and the linear drift that it does not remove [arcsec].
+        """Return a fit with its lines, and the linear drift that remains in the fit [arcsec].
 
-        A completely recorded cycle closes, so a drift over it is removed. If both directions are combined, drift
-        appears in their difference, and lines count as noise.
+        The error of a completely recorded cycle ends where it began, so a drift over the cycle is removed. If both
+        directions are combined, drift appears in their difference, and lines count as noise.
         """
         if self.together:
             return fit, 0.0
@@ -667,7 +669,7 @@ class _RecordUnderway:
     ) -> CurveRanges:
         """Return the ranges of the curve of a fit.
 
-        fit: fit at one torque, or to all rows.
+        fit: fit at one torque, or at all torques.
         visited: covered input angles.
         others: uncertainties other than that of the fit.
         sign: direction. Each direction has its own draws, which are the same at each torque.
@@ -681,7 +683,7 @@ class _RecordUnderway:
         )
 
     def _drift_sources(self, fit: TraceFit, drift_left: float) -> tuple[UncertaintySource, ...]:
-        """Return the sources that change the error slowly along a recording.
+        """Return the uncertainty sources that change the error slowly along a recording.
 
         drift_left: linear drift that remains in the fit [arcsec].
         """
@@ -700,14 +702,14 @@ class _RecordUnderway:
         turns: Array,
         torque_miss: float | None,
     ) -> tuple[UncertaintySource, ...]:
-        """Return the sources other than noise and drift.
+        """Return the uncertainty sources other than noise and drift.
 
         turns: covered angles [revolutions].
         torque_miss: largest error of linear interpolation between torques [arcsec], None if it is unknown.
         """
         errors_range = float(np.ptp(trace.error_arcsec[trace.rows]))
         reading_scatter = float(np.sqrt(np.mean(fit.bins.rows * fit.residual**2)))
-        # sqrt(2) because both extremes of a range err independently
+        # sqrt(2), because both extremes of a range err independently
         images = image_change(fit, turns) / sqrt(2)
         unmodelled = sqrt(2) * fit.unmodelled
         sources = [
@@ -736,7 +738,10 @@ class _Visited:
 
 
 def _visited(fit: TraceFit, gearing: Gearing | None) -> _Visited:
-    """Return the input angles that a recording covers, each angle of the cycle once if the curve closes with it."""
+    """Return the input angles that a recording covers.
+
+    Each angle of the cycle occurs only once if whole output revolutions are recorded and the fit has no lines.
+    """
     places, per_turn = visited_angles(fit)
     if gearing is None:
         return _Visited(places / per_turn, None)
@@ -830,7 +835,7 @@ def _require_clear(
 ) -> None:
     """Raise UntrustedError if F'_ior does not exceed its noise.
 
-    is_drifting: whether a drift remains in the recording.
+    is_drifting: whether a drift remains in the fit.
     """
     by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP}]
     uncertainty = combined(by_recording)
@@ -852,7 +857,7 @@ def _require_drift(kind: str) -> None:
 
 
 def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
-    """Return a fit with its lines, and the linear drift that it does not remove [arcsec]."""
+    """Return a fit with its lines, and the linear drift that remains in the fit [arcsec]."""
     # lines first, because a missing line would look like drift
     fit = with_lines(fit)
     extent = float(np.ptp(fit.bins.error - fit.residual))
@@ -872,12 +877,12 @@ def _declared(
     declared = orders or DEFAULT_ORDERS
     # the difference between two sweeps is not a step of the angle
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
-    # quantile below which three quarters of the steps lie, so that a few gaps do not limit the orders
+    # three quarters of the steps are at most this long; a few longer gaps do not limit the orders
     highest = 1 / (_STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared
     resolved = tuple(order for order in declared if order <= highest)
-    # declared orders are never omitted silently
+    # orders that the user declared are never omitted silently
     if orders is not None or not resolved:
         step_deg = 360 / (_STEPS_PER_PERIOD * highest)
         message = f"{trace.file}: steps of {step_deg:.3g}° are too long for order {declared[-1]:g}"
@@ -901,7 +906,7 @@ def _fit(
     """
     turns = bins.span if slow.ridge else bins.span_on_output(ratio)
     grids: dict[int, tuple[int, Array]] = {}  # number of sidebands and the orders, by the number of orders
-    # fewer sidebands need fewer unknowns; grids of equal length are identical
+    # fewer sidebands have fewer unknowns; grids with the same number of orders are identical
     for beats in range(BEATS, -1, -1):
         orders = order_grid(declared, turns, ratio, slow, beats=beats)
         grids[len(orders)] = (beats, orders)
@@ -1008,7 +1013,7 @@ class Reading(ClosedRecord, TraceForm):
         table = read_record(file, self)
         gearing = gearing_of(drive, ratio)
         record = bench_record(table, self)
-        # the column names identify approached positions and torque loops
+        # approached positions and torque loops are identified by their column names
         if record:
             if self.has_pace or how.get("shafts"):
                 kind = "positions or torque loops, which have no components of shafts and no times"

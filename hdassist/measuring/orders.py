@@ -1,10 +1,10 @@
-"""Full mesh cycle of a measured drive, orders of its recording, and F'_ior of the fitted curve with its uncertainty.
+"""Orders of a measured recording, coverage of the full mesh cycle, and F'_ior of the fitted curve with its uncertainty.
 
 Deviations of the wheel that rotates with the output modulate the effect of deviations that are fixed. The error
 therefore has orders n + k/ratio around each declared order n. BEATS such orders on either side reproduce a model's
 error over the full mesh cycle within about 1 % of its range. A recording of T input revolutions resolves orders 1/T
-apart; if orders are closer, fewer represent all of them. F'_ior is the maximum minus the minimum of the curve over the
-covered angles, corrected for noise.
+apart; if orders are closer, a smaller number of orders represents all of them. F'_ior is the maximum minus the minimum
+of the curve over the covered angles, corrected for noise.
 
 Noise makes the range of a curve too large, because the maximum is taken over values with errors. The bias is estimated
 by a parametric bootstrap. Coefficients shrunk towards 0 by their share of noise represent the true ones, and receive
@@ -38,7 +38,7 @@ _FULL_CYCLE_DEG = 720.0  # output angle of the longest full mesh cycle
 _LEAST_RATIO = 10.0
 _GREATEST_RATIO = 1000.0
 _RATIO_ROUNDING = 1e-9
-_ORDER_ROUNDING = 1e-9  # orders per input revolution: largest rounding error
+_ORDER_ROUNDING = 1e-9  # largest rounding error of an order, per input revolution
 FULL_SHARE = 0.95  # share of the cycle from which the full cycle counts as covered
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 _HIGHEST_ORDER = 200.0
@@ -46,7 +46,7 @@ BEATS = 6
 _SLOW_ORDERS = 12  # maximum number of periods of slow terms per output revolution
 _SLOW_PER_CAM_TURN = 0.2  # maximum number of periods of slow terms per input revolution
 USUAL_RATIO = 100.0  # ratio assumed for the width of the sidebands if the ratio is unknown
-# input revolutions from which one order to either side represents the sidebands, which change the error slowly
+# input revolutions of a recording from which each order has at least one sideband on each side, for slow changes
 _DRIFTING = 4.0
 _SIZE_ITERATIONS = 8  # iterations for the size of sidebands that a recording does not determine
 # factor on the uncertainty of undetermined sidebands: ovality of both wheels cancels more often than sampled sidebands;
@@ -58,7 +58,7 @@ _TRAVEL_GAP = 0.6  # distance of the orders of a travel, as a share of the resol
 _TRAVEL_RIDGE = 1e-7  # ridge of the normal equations of a travel: it moves the curve by less than its noise
 _LINE_CAUSE = "no order of the drive, or not resolved from an order: ball pass, cage, test rig"
 _BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
-LINE_WIDTH = 1.5  # half width of a wave's own peak, in units of the resolution
+LINE_WIDTH = 1.5  # half-width of the spectral peak of one wave, in units of the resolution
 _RIG_CAUSES = {  # causes in the test rig, by their number of periods per output revolution
     1.0: "once per output revolution: drive, encoder, coupling, gravity",
     2.0: "twice per output revolution: drive, encoder, coupling",
@@ -79,7 +79,7 @@ _POINTS_PER_PERIOD = 16  # points in a period of the highest order
 # widest gap between readings, in periods of the highest declared order, in which the curve is followed
 GAP_PERIODS = 0.5
 _BRIDGED_TURNS = 1 / 8  # widest gap between readings that counts as covered, in input revolutions
-# widest such gap if whole output revolutions are recorded, whose other input revolutions cover these angles too
+# the same limit if whole output revolutions are recorded, as other input revolutions also cover these angles
 _BRIDGED_IN_CYCLE = 1 / 2
 # largest spread of the curve between readings, as a multiple of the usual spread, at which the gap counts as covered
 _BRIDGED_SPREAD = 2.0
@@ -87,10 +87,10 @@ _SPREAD_PLACES = 200  # number of readings from which the usual spread is comput
 _SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 _TURN_PARTS = 24  # parts of an input revolution at which single revolutions may begin
-_SLOPE_ENDS = 1.0  # input revolutions at each end of a travel whose slope is hidden by noise
+_SLOPE_ENDS = 1.0  # input revolutions at each end of a travel in which noise hides the slope
 _SLOPE_DRAWS = 60  # draws of the bootstrap for a slope
 _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power of each order
-# per input revolution: highest order considered as an image of a lower one; ball-pass orders lie below it
+# highest order per input revolution that may appear as a lower one; ball-pass orders lie below it
 _HIGHEST_IMAGE = 30.0
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
 _CLEAR_BEAT = 0.05  # smallest sideband that shows a ratio, as a share of the largest amplitude
@@ -118,7 +118,7 @@ class Gearing:
 
     @property
     def travel_deg(self) -> float | None:
-        """The travel of the output."""
+        """The travel of the output [deg], None if the drive turns through its full cycle."""
         return self.travel and 360 * self.travel / self.ratio
 
     def within(self, travel_deg: float | None) -> Gearing:
@@ -195,7 +195,7 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     """Return the declared orders per input revolution, increasing, from a text such as "1-12" or "1,2,4".
 
     Raises UsageError if the text does not have this form, or if an order is outside 0 to 200. The result is None
-    without a text.
+    if the text is None.
     """
     if text is None:
         return None
@@ -316,11 +316,11 @@ class _Causes:
     ) -> _Causes:
         """Assign each product of the deviations of a drive to the nearest order of a fit, if it is close enough."""
         fitted = fit.orders[~fit.is_line]
-        # half the distance of fitted orders: closer causes belong to this order
+        # causes within half the distance between fitted orders belong to an order
         width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
         products: list[list[tuple[int, str]]] = [[] for _ in fit.orders]
         for (k_g, k_b), (order, text) in (known_causes(drive) if drive else {}).items():
-            # each product of deviations is assigned to the nearest fitted order, if it is close enough
+            # products without a fitted order close enough are omitted
             index = int(np.abs(fit.orders - order).argmin())
             if abs(fit.orders[index] - order) <= width + _ORDER_ROUNDING:
                 products[index].append((abs(k_g) + abs(k_b), text))
@@ -335,7 +335,7 @@ class _Causes:
 
     def text_of(self, group: OrderIndices) -> str:
         """Return the causes of a group of orders, the simplest causes in the drive first; empty if there are none."""
-        # the drive first, then the test rig, then unresolved components
+        # causes in the drive come first, then those in the test rig, then unresolved components
         causes = self._simplest_products(group)
         if self.gearing:
             causes += self._causes_of_rig(self.fit.orders[group], self.gearing.ratio)
@@ -355,8 +355,8 @@ class _Causes:
         return [text for degree, text in products if degree == lowest_degree]
 
     def _causes_of_rig(self, orders: Array, ratio: float) -> list[str]:
-        """Return the parts of the test rig whose errors occur at some orders."""
-        # orders per output revolution
+        """Return the causes in the test rig that occur at the given orders."""
+        # largest distance between an order and that of a cause, per output revolution
         reach = min(self.width * ratio, 0.5)
         causes = [text for per_output, text in _RIG_CAUSES.items() if (abs(orders * ratio - per_output) < reach).any()]
         if (abs(orders - 1) < _ORDER_ROUNDING).any():
@@ -406,9 +406,9 @@ def _with_sidebands(
     declared: Sequence[float],
     ratio: float,
 ) -> dict[float, OrderIndices]:
-    """Return the indices of each declared order and its sidebands in a fit, for the orders that have any."""
+    """Return the indices of each declared order and its sidebands in a fit. Orders missing from the fit are omitted."""
     # a sideband belongs to the nearer order
-    reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # half-way to the next order
+    reach = np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2)  # at most half-way to the next order
     indices = {}
     for order in declared:
         is_near = np.abs(fit.orders - order) <= reach + _ORDER_ROUNDING
@@ -422,7 +422,7 @@ def _order_of(
     lines: Array,
     causes: _Causes,
 ) -> MeasuredOrder:
-    """Return the order of a group of a fit.
+    """Return the measured order that a group of fitted orders represents.
 
     lines: lines that are not sidebands.
     """
@@ -467,7 +467,7 @@ def other_ratio(
     declared: orders per input revolution, increasing.
     ratio: input revolutions per output revolution of the drive.
     """
-    # share of the resolution of the recording, 1/span
+    # the resolution of the recording is 1/span
     tolerance = _SAME_BEAT / fit.bins.span
     step = 1 / ratio
     distances: dict[tuple[float, bool], float] = {}  # distances of the lines from their orders, by order and side
@@ -488,7 +488,7 @@ def other_ratio(
 
 @dataclass(frozen=True, eq=False)
 class _Sidebands:
-    """Distribution of the sidebands of an order over whole output revolutions, given a part of one.
+    """Distribution of the sidebands of an order over whole output revolutions, given a recording of a part of one.
 
     numbers: numbers of the sidebands, from -BEATS to BEATS, for the cosines and then for the sines, shape
     (coefficients,).
@@ -596,7 +596,7 @@ class UncertaintySource:
 def parse_stated(texts: Sequence[str]) -> dict[str, float]:
     """Return stated standard uncertainties [arcsec] by source, from texts such as "encoder=0.5,coupling=0".
 
-    Raises UsageError for other text, an unknown source, or a source that is stated twice.
+    Raises UsageError if a text does not have this form, or if a source is unknown or stated twice.
     """
     stated: dict[str, float] = {}
     # the option may be repeated, or list several sources
@@ -617,7 +617,7 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
     """Return the source of uncertainty due to the step of a recording's readings.
 
     Counts at uneven angles are dithered, and so are steps below twice the scatter. Counts of the input at even angles
-    are an exception, because noise of the output does not move them. A rounded value has the standard uncertainty
+    are an exception, because noise of the output does not change them. A rounded value has the standard uncertainty
     step/sqrt(12). If the readings are synchronous with the revolutions, the fit follows the rounding and both extremes
     of a range may err together, hence the factor 2. Otherwise they err independently, hence the factor sqrt(2).
 
@@ -635,7 +635,7 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
         # at even angles, rounding repeats from revolution to revolution, and the extremes may err in opposite
         # directions
         return UncertaintySource("resolution", 2 * rounding, "step of the readings, at even angles")
-    # two extremes with independent rounding
+    # the rounding of the two extremes is independent
     return UncertaintySource("resolution", sqrt(2) * rounding, "step of the readings")
 
 
@@ -726,7 +726,7 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     """Return the points of a fine grid of input angles where a fit determines the error, and the points per revolution.
 
     The points are integers, increasing, shape (points,). They lie between readings that are close enough to follow the
-    highest declared order. Larger gaps up to _BRIDGED_TURNS (_BRIDGED_IN_CYCLE for whole output revolutions) count too
+    highest declared order. Larger gaps up to _BRIDGED_TURNS (_BRIDGED_IN_CYCLE for whole output revolutions) also count
     if the fit determines the curve in the gap about as well as at the readings.
     """
     slow = fit.design.slow
@@ -735,7 +735,7 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     # between readings this close, no fitted order can hide an extreme
     followed_gap = GAP_PERIODS / float(fit.orders[~fit.is_line][-1])
     per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
-    # over a sample of the readings, because all readings of a long recording would take seconds
+    # a sample of the readings is used, because all readings of a long recording would take seconds
     usual_spread = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
     for turns in bins.by_sweep(bins.turns):
@@ -754,9 +754,12 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
 
 
 def _spread(fit: TraceFit, turns: Array) -> Array:
-    """Return the standard deviation of a fitted curve due to noise [arcsec] at angles [revolutions], (angles,)."""
+    """Return the standard deviation of a fitted curve due to noise [arcsec], shape (angles,).
+
+    turns: input angles [revolutions], shape (angles,).
+    """
     spreads = []
-    # in chunks, because the design of a long recording does not fit into memory
+    # the angles are processed in chunks, because the design of a long recording does not fit into memory
     for start in range(0, len(turns), DESIGN_CHUNK):
         errors = order_columns(turns[start : start + DESIGN_CHUNK], fit.orders) @ fit.factor
         spreads.append(np.linalg.norm(errors, axis=1))
@@ -780,13 +783,13 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     if evenness < EVEN or not is_hidden.any():
         return 0.0
     turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images need a finer grid
-    # one column in which all hidden orders are replaced, then one for each declared order
+    # the first column replaces all hidden orders, each further column those of one declared order
     is_replaced = np.column_stack(
         [is_hidden, *(is_hidden & (declared == order) for order in np.unique(declared[is_hidden]))]
     )
     # complex amplitude: a cos(p) + b sin(p) = Re((a - i b) exp(i p))
     amplitudes = fit.coefficients.reshape(2, -1).T @ [1, -1j]
-    # reflected about the first reading, where order and image agree in phase
+    # images are reflected about the first reading, where order and image agree in phase
     image_amplitudes = (amplitudes * np.exp(2j * np.pi * rate * start)).conj()[:, None] * is_replaced
     image_curves = curve_of(np.concatenate([image_amplitudes.real, -image_amplitudes.imag]), images, turns)
     # orders that are not replaced keep their coefficients
@@ -802,7 +805,7 @@ class CurveRanges:
     visited: range over all covered angles.
     revolution: largest range within one input revolution.
     cam: range of the orders of the input, without slow terms of the output.
-    slope: largest slope [arcsec per input revolution]; for a travel, without its ends.
+    slope: largest slope [arcsec per input revolution]; for a travel, its ends are excluded.
     """
 
     visited: Range
@@ -835,7 +838,7 @@ def ranges_of(
     turns: input angles [revolutions], increasing, shape (angles,).
     rng: random generator of the parametric bootstrap.
     others: standard uncertainties of the ranges due to all sources except noise.
-    whole: whether the angles are those of the full cycle; lines may then add more in other cycles.
+    whole: whether the angles cover the full cycle; if they do, lines may increase the range in other cycles.
     draws: number of bootstrap draws.
     """
     curves = _bootstrap_curves(fit, rng, draws)
@@ -864,9 +867,9 @@ def _bootstrap_curves(
     The curves are the fitted one, the fitted one without lines, the fitted one shrunk by its share of noise, and the
     shrunk one with simulated noise.
     """
-    # parametric bootstrap: errors of the coefficients with their covariance
+    # the parametric bootstrap draws errors of the coefficients with their covariance
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    # centred on a curve without the power of noise, so that noise is counted once
+    # the draws are centred on a curve without the power of noise, so that noise counts only once
     shrunk = fit.coefficients * np.tile(_kept_shares(fit), 2)
     is_line = np.tile(fit.is_line | fit.unresolved, 2)
     without_lines = np.where(is_line, 0.0, fit.coefficients)
@@ -877,10 +880,10 @@ def _bootstrap_curves(
 def _slope_coefficients(orders: Array, curves: Array) -> Array:
     """Return the coefficients of the slopes of curves [arcsec per input revolution], shape (2 orders, slopes).
 
-    The columns are those that `_range` expects. Lines count in a slope, so the fitted curve replaces the curve without
-    lines.
+    The columns have the order that `_range` expects. Lines count in a slope, so the fitted curve replaces the curve
+    without lines.
     """
-    # the second column, that without lines, is replaced by the fitted curve
+    # the second column, the curve without lines, is replaced by the fitted curve
     columns = [0, 0, *range(2, 3 + _SLOPE_DRAWS)]
     cosines, sines = curves[:, columns].reshape(2, len(orders), -1)
     # derivative: the sines of the curve become cosines, and the cosines become negative sines
@@ -908,7 +911,7 @@ class _Extremes:
         self.steepest = np.zeros(slopes)
 
     def add_values(self, part: NDArray[np.int64], values: Array) -> None:
-        """Add values at angles.
+        """Add values of the curves at further angles.
 
         part: number of the part of a revolution that contains each angle, increasing, shape (angles,).
         values: values of the curves [arcsec], shape (angles, curves).
@@ -969,7 +972,7 @@ def _extremes_of(
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
         extremes.add_values(part[rows], values)
-        # orders of the input only, because slow orders belong to the output revolution
+        # only the orders of the input count, because slow orders belong to the output revolution
         extremes.add_cam_values(values - columns[:, is_slow] @ curves[is_slow])
         inner_columns = columns if is_inner[rows].all() else columns[is_inner[rows]]
         extremes.add_slopes(inner_columns @ slopes)
@@ -977,7 +980,10 @@ def _extremes_of(
 
 
 def _kept_shares(fit: TraceFit) -> Array:
-    """Return the share of each order that is not noise, shape (orders,); for a travel, including its sidebands."""
+    """Return the share of each order that is not noise, shape (orders,).
+
+    For a travel, an order and its sidebands have one common share.
+    """
     noise = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # noise power of each order, arcsec^2
     power = fit.amplitude**2
     # unresolved orders have large coefficients that cancel, so only the power of their joint curve is meaningful

@@ -63,7 +63,10 @@ class Section(BaseModel):
         validated: ValidatorFunctionWrapHandler,
         info: ValidationInfo,
     ) -> Any:
-        """Return a validated value, read in a preset's notation if the context collects the valid values by path."""
+        """Return a validated value.
+
+        If there is a context, the value is read in the notation of a preset and added to the context by path.
+        """
         if info.context is None:
             return validated(value)
         name = str(info.field_name)
@@ -120,8 +123,8 @@ FieldKind = Literal[
     "source",
     "table",
 ]
-# types of fields whose kind does not follow from the type of their values
-# a single line, because a line break in a name could forge a line of a report
+# annotations of fields whose kind does not follow from the type of their values
+# OneLine is a single line, because a line break in a name could forge a line of a report
 OneLine = Annotated[str, AfterValidator(_one_line), "line"]
 PerTorque = Annotated[dict[str, float], "limits"]
 PerOrder = Annotated[dict[str, float], "orders"]
@@ -152,13 +155,13 @@ class PresetField:
 
     meaning: meaning of the field.
     unit: unit, empty for a pure number.
-    default: default value, if the field may be omitted.
-    unknown: whether an omitted field is unknown.
+    default: default value, None if there is none.
+    unknown: whether the value may be unknown.
     ge, gt, le: range of the field or of each of its items: at least ge, above gt, up to le.
     kind: kind of its value.
     choices: valid values of a choice.
-    is_optional: whether it may be empty.
-    is_required: whether it must be stated.
+    is_optional: whether its value may be None.
+    is_required: whether a preset must state the field.
     question: question to the manufacturer, for the most important fields.
     how: instructions for measuring it, for the most important fields.
     """
@@ -188,7 +191,9 @@ class PresetField:
         return cls(**declared | about | {"default": info.get_default(), "is_required": info.is_required()})
 
     def read(self, value: Any) -> Any:
-        """Return the field's value from a value in a preset; a table may contain items for other fields to read.
+        """Return the field's value from a value in a preset.
+
+        The items of a table keyed by paths are read by the fields with these paths.
 
         Raises InvalidValueError if the value cannot be read.
         Raises ValidationError if items cannot be read.
@@ -234,7 +239,7 @@ class PresetField:
             raise InvalidValueError(message, "write a longer text in description" if value else "")
 
     def _require_optional(self) -> None:
-        """Raise InvalidValueError if the field requires a value."""
+        """Raise InvalidValueError unless the value may be None."""
         if self.is_optional:
             return
         if self.is_required:
@@ -261,7 +266,7 @@ class PresetField:
         return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
 
     def _by_path(self, path: str, entry: Any) -> Any:
-        """Return an entry of a table whose keys are paths of fields; the path is added to a range in source."""
+        """Return the value of an entry in a table keyed by paths. A range in source is returned with its path."""
         if self.kind == "uncertainty":
             return self.number(entry, field_table()[path].unit)
         if self.kind == "fit":
@@ -353,7 +358,10 @@ class PresetField:
 
 
 def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> dict[Any, Any]:
-    """Return the items of a table or list by key, read by a function. Raises ValidationError with all faults."""
+    """Return the items of a table or list by key, each converted by a function of its key and value.
+
+    Raises ValidationError that lists all faults.
+    """
     values = {}
     faults = list[InitErrorDetails]()
     for key, item in items.items():
@@ -446,7 +454,7 @@ DEVIATIONS = tuple(Deviation(**row) for row in _DECLARED_FIELDS["deviations"])
 COMPOSITES = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "composite"}
 CAM_OFFSETS = {deviation.part: deviation for deviation in DEVIATIONS if deviation.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for deviation in DEVIATIONS for path in (deviation.size, deviation.direction))
-# sizes that measured pitch deviations replace, by wheel
+# paths of the sizes that measured pitch deviations replace, by wheel
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(
         dict.fromkeys(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic", "pitch"))
@@ -726,7 +734,7 @@ class Drive(Section):
         return field_table()[path].holds(value)
 
     def with_values(self, values: Mapping[str, Any]) -> Drive:
-        """Return the drive with some fields changed, by path ("gears.j_n"). The new values are not validated."""
+        """Return the drive with new values of some fields, given by path ("gears.j_n"). They are not validated."""
         changed: dict[str, Section] = {}
         for path, value in values.items():
             section, name = path.split(".")
@@ -763,7 +771,7 @@ def deviation_sizes() -> tuple[str, ...]:
 
 
 def path_of(key: str) -> Path:
-    """Return the path set by the key of an override. In tables whose keys are paths, the key contains a dot."""
+    """Return the path set by the key of an override. In tables keyed by paths, one part of the path contains a dot."""
     parts = [part.strip() for part in key.split(".")]
     if parts[0] in PATH_TABLES:
         return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))
@@ -793,8 +801,8 @@ class ResolvedField:
     path: path of the field.
     value: value in its unit, None if unknown.
     unit: unit.
-    kind: origin of the value: given, assumed or identified (by `source`, otherwise given), default, override or
-    unknown.
+    kind: origin of the value: given, assumed, identified, default, override or unknown. The first three are stated in
+    `source`; a value in the preset without an entry there is given.
     ref: reference.
     meaning: meaning of the field.
     range: plausible range in its unit.
@@ -810,7 +818,7 @@ class ResolvedField:
 
     @property
     def reference(self) -> str:
-        """The plausible range and the reference of the value."""
+        """The plausible range and the reference of the value, as text."""
         bounds = " to ".join(map(value_text, self.range or ()))
         return "; ".join(filter(None, (bounds, self.ref)))
 
@@ -859,5 +867,5 @@ def origin_counts(drive: Drive) -> dict[str, int]:
 
 
 def value_text(value: Any) -> str:
-    """Return a value in the notation of a preset, without brackets, or a dash if there is none."""
+    """Return a value in the notation of a preset, without brackets, or a dash if it is None or empty."""
     return "-" if value is None else text_of(value).strip("[]{}") or "-"

@@ -2,7 +2,7 @@
 
 Lengths grow with the pitch diameter d, and the module is d over the number of teeth. Radial deflection and flank
 clearance keep their size in modules. Stiffnesses grow with d, compliances with 1/d (for a constant modulus of
-elasticity), and torques with d^3. Tolerances do not scale like this: they follow ISO 1328-1. For a new drive, options
+elasticity), and torques with d^3. Tolerances do not scale in this way but follow ISO 1328-1. For a new drive, options
 state some fields. All other fields follow a law with a plausible range, and profile shifts keep the bore in proportion
 to the pitch diameter.
 """
@@ -33,7 +33,7 @@ _STIFFNESS_SHARES = (0.05, 5.0)
 _CATALOGUE_UNIT = 1e4  # N*m/rad: unit in which catalogues print stiffnesses
 _BOUND_ROUNDING = 1e-9  # relative rounding error of a bound
 # Accuracy class of the largest deviations if a preset does not state them: F'_i is F_p of this class of ISO
-# 1328-1:2013, the coarsest teeth assumed for a drive; those of the paper are in it
+# 1328-1:2013, the coarsest teeth assumed for a drive; the values of the paper are within this class
 COARSEST_CLASS = 9
 # um per mm of the pitch diameter: eccentricities of the wave generator, 80 and 30 um at 160 mm in the paper, and that
 # of a wheel's centre, assumed to be 10 um at 160 mm
@@ -106,13 +106,14 @@ def _growth(
 class Law:
     """Law by which a field grows with the drive, and its plausible bounds.
 
-    by: "same", "d" (length or stiffness), "1/d" (compliance), "m" (in modules).
+    by: quantity with which the field grows: "d" (lengths, stiffnesses), "1/d" (compliances), "m" (sizes in modules), or
+    "same" for none.
     bounds: bounds in the unit of the field at a pitch diameter of 160 mm and a module of 0.8 mm, or, with of_value, as
     shares of the value.
     why: reason for the bounds.
     of_value: whether the bounds are shares of the value.
     least: smallest value of the upper bound.
-    usual: value at that size if the similar drive has 0.
+    usual: value at the size for which the bounds are stated, used if the known drive has 0.
     assumed: whether a default also has these bounds if a preset omits the field.
     """
 
@@ -144,8 +145,8 @@ class Proportion:
     path: path of the field.
     base: path of the other dimension.
     low, high: usual range of the proportion.
-    words: template for a text with value, base and share.
-    usual: template for a text with low and high, and the source.
+    words: template of the message, with value, base and share.
+    usual: template of the text on the usual range, with low and high and their source.
     """
 
     path: str
@@ -165,7 +166,7 @@ _PROPORTIONS = [Proportion(**row) for row in _TABLES["proportions"]]
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Yield the valid fields of a drive with unusual values: path, message with the number, usual range."""
+    """Yield each field of a drive with a valid but unusual value: its path, a message and the usual range."""
     for proportion in _PROPORTIONS:
         value = drive.value(proportion.path)
         base = drive.value(proportion.base)
@@ -216,7 +217,7 @@ def _implausible_stiffnesses(drive: Drive) -> Iterator[tuple[str, str, str]]:
         if K is None or low <= K <= high:
             continue
         usual = f"usual at {d:.4g} mm: {_rounded(low, 2):g} to {_rounded(high, 2):g} N*m/rad"
-        # the value fits in the unit of the catalogues
+        # the value is plausible in the unit of the catalogues
         if low <= K * _CATALOGUE_UNIT <= high:
             usual += f"; if the catalogue gives {K:g} in 1e4 N*m/rad, write {K * _CATALOGUE_UNIT:g}"
         yield path, f"{K:g} N*m/rad is {K / K_3:.2g} times K3 of catalogue drives of this size", usual
@@ -229,10 +230,10 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
-    """Return the drive with supports.C_3 estimated from its coupling, within a range; unknown without dimensions."""
+    """Return the drive with supports.C_3 and its range estimated from its coupling, or set to unknown."""
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
-    support: list[float] = []  # stiffness [N/mm], and its range
+    support: list[float] = []  # stiffness and both ends of its range [N/mm]
     # the stiffness for a kind of coupling grows with the diameter
     if cam.coupling != "overhung":
         *numbers, why = _CAM_SUPPORTS[cam.coupling]
@@ -244,7 +245,7 @@ def with_cam_support(drive: Drive) -> Drive:
     source = {path: entry for path, entry in drive.source.items() if path != SUPPORT_FIELD}
     value = None
     if support:
-        # rounded as in a preset
+        # four digits, as in a preset
         value, low, high = (float(f"{number:.4g}") for number in support)
         source[SUPPORT_FIELD] = Source(
             kind="assumed",
@@ -270,7 +271,7 @@ _NOT_MODELLED = {  # kinds of flexsplines that are not modelled, and the reason
     "plastic": "it creeps and expands, and stiffnesses of contacts and tolerances are known for steel only",
 }
 _QUALITY = "quality"  # key in the requirements, in addition to fields
-# copied only if the similar drive states them with a value other than 0; otherwise left at their defaults
+# fields copied only if the known drive states them with a value other than 0; all others get their defaults
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 _SIMILAR_WORDS = {
     "same": "as {like}",
@@ -287,7 +288,7 @@ class SimilarValue:
     value: the value.
     kind: given or assumed.
     ref: source of the value.
-    range: plausible range, None without one.
+    range: plausible range, None if there is none.
     """
 
     value: Any
@@ -304,8 +305,8 @@ Requirements = dict[str, SimilarValue]
 def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     """Return the pitch diameter [mm] of a drive that is similar to another one, and its K3 relative to catalogues.
 
-    The diameter is the required one. Otherwise it follows by the cube law from K3 of catalogues, otherwise from the
-    torque. If none of these is required, it is that of the other drive.
+    A required diameter takes precedence. Without one, the diameter follows by the cube law from the required K3, or
+    from the required torque if K3 is not required either. If nothing is required, it is that of the other drive.
 
     Raises UsageError for a torque or a stiffness that is implausible for the size.
     """
@@ -343,7 +344,10 @@ def _require_rising(K: Sequence[float]) -> None:
 
 
 def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
-    """Return K3 [N*m/rad] relative to that of catalogues for a pitch diameter [mm], or 1 without stiffnesses.
+    """Return K3 relative to that of catalogue drives with the same pitch diameter, or 1 if no stiffness is given.
+
+    d: pitch diameter [mm].
+    K: stiffnesses [N*m/rad], K3 last, possibly empty.
 
     Raises UsageError for an implausible ratio.
     """
@@ -357,7 +361,7 @@ def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
 
 
 def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
-    """Return the pitch diameter [mm] from the rated torque [N*m] by the cube law, otherwise that of the other drive."""
+    """Return the pitch diameter [mm] from the rated torque [N*m] by the cube law; if None, that of the other drive."""
     pitch_diameter = like.gears.pitch_diameter
     if rated is None:
         reason = f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"
@@ -381,7 +385,9 @@ def _refuse_size(
 
 
 def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
-    """Return the fields of a drive that is similar to another one, by path: required ones as given, others as assumed.
+    """Return the fields of a drive that is similar to another one, by path.
+
+    Required fields are marked as given, all others as assumed.
 
     Deviations other than F'_i, eccentricities and directions are unknown and omitted.
 
@@ -395,7 +401,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     written_paths = _written_paths(like)
     entries = _kept_settings(like, written_paths)
     teeth = required.get("gears.z_g", entries["gears.z_g"])
-    # many digits of the module, so that the diameter is exact
+    # the module needs many digits, because the diameter must be exact
     m = _rounded(d / teeth.value, 12)
     # with two waves, the numbers of teeth differ by 2
     entries["gears.z_b"] = replace(teeth, value=teeth.value + 2)
@@ -439,7 +445,7 @@ def _kept_settings(like: Drive, written_paths: Iterable[str]) -> dict[str, Simil
 
 
 def _stiffness_segments(required: Requirements) -> dict[str, SimilarValue]:
-    """Return the required stiffnesses by path of their segment; a single one is K3."""
+    """Return the required stiffnesses by path of their segment. A single stiffness is that of K3."""
     stiffness = required.get(STIFFNESS)
     if stiffness is None:
         return {}
@@ -467,7 +473,7 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     law: its law.
     s: ratio of pitch diameters.
     m: new module [mm].
-    stiffer: ratio of stiffnesses at the same diameter.
+    stiffer: K3 relative to that of catalogue drives with the same diameter.
     """
     value = like.value(path)
     ratio = m / like.gears.m
@@ -612,12 +618,12 @@ _MEASURES = {
 
 
 def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
-    """Return the requirements on a drive that is to be similar to another one.
+    """Return the requirements that options state on a new drive similar to a known one.
 
-    The options are texts, which may include a unit, or None if not given.
+    Options other than the ratio are texts, which may include a unit. An option that is not given is None.
 
     like: the known drive.
-    ratio: ratio of the drive if mounted like the known drive, None if not given.
+    ratio: ratio of the drive if it is mounted like the known drive.
     coupling: coupling of the wave generator, as in cam.coupling.
     shaft: diameter and overhang of the shaft of an overhung wave generator [mm], such as 14x30.
     pitch_diameter: pitch diameter [mm].
@@ -625,7 +631,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     teeth: numbers of teeth, such as 160/162.
     holes: number of bolt holes of the seat.
     allowed_holes: numbers of the usable holes.
-    stiffness: catalogue stiffnesses K1, K2, K3, or a single one [N*m/rad].
+    stiffness: catalogue stiffnesses K1, K2, K3, or only K3 [N*m/rad].
     T1, T2: ends of the segments of the catalogue's torsion curve [N*m].
     lost_motion, accuracy: catalogue values [arcsec].
     quality: catalogue or unknown; determines the assumptions on tolerances and backlash.
@@ -683,7 +689,7 @@ def _teeth_requirement(
 def _stiffness_requirement(stiffness: str | None) -> Requirements:
     """Return the required stiffnesses [N*m/rad], empty if none are stated.
 
-    Raises UsageError unless there are one or three.
+    Raises UsageError unless the number of stiffnesses is one or three.
     """
     if stiffness is None:
         return {}
@@ -767,7 +773,7 @@ def _hole_number(option: str, text: str) -> int:
 
 
 def _teeth_of_ratio(like: Drive, ratio: float) -> int:
-    """Return the number of teeth of the flexspline for a ratio, if mounted like another drive."""
+    """Return the number of teeth of the flexspline for the ratio of a drive that is mounted like another one."""
     if not (isfinite(ratio) and ratio > 0):
         raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2

@@ -1,4 +1,4 @@
-"""Texts of presets: strict YAML to plain data, with the position of every key and value, and numbers with their units.
+"""Reading of presets: plain data from strict YAML, with the position of every key and value, and numbers with units.
 
 A preset needs only a small part of YAML, and an error in a number must not remain unnoticed. Anchors, aliases and tags
 are therefore not allowed, each key occurs once, and plain scalars are read only by the rules below. A number may have a
@@ -61,8 +61,8 @@ class Document:
     """A text as read.
 
     file: name of the text in findings.
-    data: plain data, None if the text ends prematurely.
-    places: position of each path.
+    data: plain data, None if reading stopped before its end.
+    places: position of the key and value of each path.
     findings: faults.
     warnings: warnings.
     bad: paths whose values are invalid.
@@ -131,7 +131,7 @@ class Document:
         )
 
     def refuse(self, path: Path, fault: InvalidValueError) -> None:
-        """Add the finding on a value that cannot be read."""
+        """Add a finding on a value that cannot be read."""
         if path not in self.places:
             path = path[:2]  # the only item of a list, or the limit for all torques, may be written as a single value
         got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
@@ -174,8 +174,8 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def scalar_value(text: str) -> Any:
-    """Return the value of a plain scalar: None, true, false, a number, or otherwise the text itself."""
-    # YAML 1.2, in which yes, no and on are texts
+    """Return the value of a plain scalar: None, True, False, a number, or the text itself if it is none of these."""
+    # the rules are those of YAML 1.2, in which yes, no and on are texts
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     # conversion of a longer integer would take quadratic time
@@ -197,7 +197,7 @@ def read_yaml(
     path: Path = (),
     at: Callable[[int, int], Mark] = Mark,
 ) -> Document:
-    """Return the document in a YAML text. Faults are added to its findings; none is raised.
+    """Return the document in a YAML text. Faults are added to its findings instead of being raised.
 
     text: bytes in UTF-8, or str.
     file: name of the text in findings.
@@ -258,7 +258,7 @@ class _Reader:
         return decoded
 
     def _behind(self, text: str) -> Mark:
-        # all line ends that YAML recognises
+        # lines end at all line ends that YAML recognises
         lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
         return self.mark_at(len(lines), len(lines[-1]) + 1)
 
@@ -305,20 +305,20 @@ class _Reader:
 
         event: first event of the value.
         path: path of the value.
-        key: position of its key, None without one.
+        key: position of its key, None if it has no key.
         """
         mark = self._mark(event.start_mark)
         # the depth is limited so that recursion does not overflow the stack
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
-        # aliases could expand without bound, and presets are small and explicit
+        # aliases could expand without bound, and a preset does not need them
         self._refuse_extras(event, mark, path)
         text = ""
         quoted = False
         value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
-        # nested values have their own positions, by their paths
+        # nested values have positions of their own, stored by their paths
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
             value = [self._value(item, (*path, index)) for index, item in items]
@@ -328,7 +328,7 @@ class _Reader:
             text = "a table of keys"
         elif isinstance(event, yaml.ScalarEvent):
             text = str(event.value)
-            # for example, "on" in quotes is a text
+            # a scalar in quotes is always a text, even "null" or "20"
             quoted = event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is not a character", shown(text))
@@ -374,7 +374,7 @@ class _Reader:
             if isinstance(key, list | dict):
                 self._find(mark, path, "a key must be a single word", hint="a text or a number")
             elif not _SURROGATE.search(name):
-                table[name] = value  # for a repeated key, the last value, whose position is stored
+                table[name] = value  # the last value of a repeated key applies, whose position is stored
         return table
 
     def _find(
@@ -439,7 +439,7 @@ _WORDS = {
 
 
 def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
-    """Return the findings in the order of the file, then of the overrides, limited to one hundred."""
+    """Return the findings in the order of the file, followed by those on overrides, limited to one hundred."""
     ordered = sorted(items, key=lambda f: (f.file == OVERRIDE, f.line, f.column))
     if len(ordered) > MAX_FINDINGS:
         last = ordered[MAX_FINDINGS]
@@ -457,9 +457,9 @@ def ordered_findings(items: Iterable[Finding]) -> list[Finding]:
 
 
 def near_miss(word: str, options: Iterable[str]) -> str:
-    """Return a hint with the nearest name if an option is similar to the word, otherwise an empty text.
+    """Return a hint that names the option most similar to a word, or an empty text if none is similar.
 
-    Case decides between equally similar names.
+    Among options that are equally similar without regard to case, the one with the most similar case is named.
     """
     options_by_spelling = {option.lower(): option for option in options}
     word = word[:60]
@@ -534,11 +534,11 @@ def is_spread(text: str) -> bool:
 def read_spread(text: str, unit: str) -> tuple[float, float]:
     """Return a number and its expanded uncertainty (k = 2), both in the unit of the field.
 
-    If one of the two has no unit, that of the other applies; if both have none, that of the field applies.
+    If only one of the two has a unit, it applies to both. If neither has a unit, that of the field applies.
 
     text: text such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin".
     unit: unit of the field.
-    Raises UnitError for other text.
+    Raises UnitError if the text does not have this form.
     """
     match = _matched(_SPREAD, text)
     if match is None:
@@ -569,8 +569,8 @@ def read_number(
 
     value: value in the preset.
     unit: unit of the result.
-    spread: whether a text may include an uncertainty, which is omitted.
-    Raises InvalidValueError for other values.
+    spread: whether a text may include an uncertainty, which is not returned.
+    Raises InvalidValueError if the value is not such a number.
     """
     if isinstance(value, str):
         return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
@@ -584,7 +584,7 @@ def read_number(
 
 
 def read_count(value: Any) -> int:
-    """Return an integer from a value of a preset. Raises InvalidValueError for other values."""
+    """Return an integer from a value of a preset. Raises InvalidValueError if it is not a whole number."""
     try:
         number = read_number(value, "")
     except InvalidValueError as fault:
@@ -596,7 +596,7 @@ def read_count(value: Any) -> int:
 
 
 def units_for(unit: str) -> tuple[str, ...]:
-    """Return all units that convert to the given one, as used in messages; empty for a pure number."""
+    """Return all units that convert to the given one, for messages; empty for a pure number."""
     return tuple(
         unit_of_dimension
         for unit_of_dimension, (dimension, _) in _LISTED.items()

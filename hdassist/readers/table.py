@@ -1,6 +1,6 @@
 """Tables in files of instruments and spreadsheets: cells of numbers or text, with their lines and columns.
 
-Decimal numbers have a point, or a comma throughout the file unless commas separate its cells. A line of column names
+The decimal mark is a point, or a comma throughout the file unless commas separate its cells. A line of column names
 may precede the rows; in a table of numbers it may be a comment. The first lines determine the separator, the decimal
 mark and the number of columns; all rows are then read by the same rules.
 
@@ -59,9 +59,9 @@ from hdassist.readers.words import (
 
 _MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines from which the form of the rows is determined
-# unreadable rows that, if they are also the majority of the sample, show that the file is not a table of numbers
+# number of unreadable rows that, as a majority of the first lines, show that the file is not a table of numbers
 _FOREIGN_ROWS = 20
-_FOREIGN_HEAD = 3  # lines above the rows that are not column names
+_FOREIGN_HEAD = 3  # number of unreadable lines above the rows that shows that the file is of another kind
 NO_UNIT = "no unit stated"  # phrase in notes before an assumed unit
 MAX_REMARKS = 1000  # maximum number of stored comments
 _ANGLE_ROLES = ("cam", "output", "angle", "error", "target", "actual", "twist")  # roles of columns that contain angles
@@ -78,7 +78,7 @@ _PROGRAMS = {  # words in the first lines, and the kind of file that they identi
     r"\b(?:TRUE|FALSE)$": "a record of a controller's signals",
     r"^\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d\S* \D": "a log of events",
 }
-_HEAD = 40  # number of lines in which a program is identified
+_HEAD = 40  # number of first lines by which a program is identified
 
 
 @dataclass(eq=False)
@@ -96,9 +96,9 @@ class NumberTable:
     findings: faults of the file.
     sha256: checksum of the file.
     is_latin: whether the file was read as Latin-1.
-    left_out: omitted lines that are not rows of numbers, if omission is allowed.
+    left_out: numbers of the lines that were omitted because they are not rows of numbers.
     sexagesimal: number of cells in degrees, minutes and seconds by column; their values are in deg.
-    is_lower_bound, scale_uncertainty: properties of the errors, see `guiding.GuideRows`.
+    is_lower_bound, scale_uncertainty: properties of the errors, as in `guiding.GuideRows`.
     deg_per_s: speed of the shaft if its angles were computed from times, otherwise 0.
     """
 
@@ -121,7 +121,7 @@ class NumberTable:
 
     @property
     def roles(self) -> list[str]:
-        """The roles of the columns according to their names (see `role_in`), empty without names."""
+        """The roles of the columns according to their names (see `role_in`); empty if there are no names."""
         return list(map(role_in, self.names))
 
     def name(self, column: int) -> str:
@@ -140,14 +140,14 @@ class NumberTable:
         asked: str | None = None,
         option: str = "",
     ) -> str:
-        """Return the unit of a column from the option, its name or the default, and add a note on it.
+        """Return the unit of a column from the option, its name or the default, and add a note on the unit.
 
         column: index of the column.
         words: description of the content for the note.
         default: unit of a column whose name has none.
         units: units that the column may have.
-        asked: unit stated in an option, None without one.
-        option: name of that option, empty if there is none.
+        asked: unit stated in an option, None if no option states it.
+        option: name of the option, empty if the column has none.
         Raises PresetError if the name or a comment states another unit and no option states one.
         """
         name = self.name(column)
@@ -243,7 +243,7 @@ class NumberTable:
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
-        # a stated unit without a column name may refer to another column
+        # if the column name states no unit, the unit in a comment may be that of another column
         if stated and not named and quantity == "angle":
             line, (_, text, place) = stated[0]
             message = f'the comment states the unit {text}, the name "{name}" states none'
@@ -298,12 +298,12 @@ class NumberTable:
         row: int | None = None,
         column: int = 0,
     ) -> PresetError:
-        """Return the error for a cell, or for the column names (which it lists) if no row is given.
+        """Add a finding for a cell, or for all columns if no row is given, and return the error with all findings.
 
-        row: index of the row, None for the names.
+        row: index of the row, None for the columns as a whole, whose names are then listed.
         column: index of the column.
         """
-        # the error concerns the columns as a whole
+        # the finding concerns the columns as a whole
         if row is None or not len(self.lines):
             self.add(self.names_line, 1, "", message, self.listed, hint)
         else:
@@ -332,7 +332,7 @@ class CellTable:
     names_line: line of the names.
     rows: line number and cells of each row.
     remarks: numbers of the lines below the names that are comments.
-    unclosed: by line, the column of the first quote that is not closed.
+    unclosed: position of the first unclosed quote in a line, by line number.
     """
 
     file: str
@@ -382,7 +382,7 @@ def read_texts(source: Readable) -> CellTable:
     lines: list[TableLine] = []
     remarks: list[int] = []
     separator = ""
-    # read in parts, so that a large file need not fit into memory
+    # the file is read in parts, because a large one may not fit into memory
     for first, part in text.parts():
         for line in _lines(first, part, table):
             if not line.remark:
@@ -417,12 +417,12 @@ def _is_wide(
     separator: str,
     heading: str,
 ) -> bool:
-    """Return whether a line has as many cells as a heading of several cells, including empty ones."""
-    end = f"{separator}end"  # an appended cell prevents omission of empty ones at the end
+    """Return whether a line has as many cells as a heading of several cells; empty cells count."""
+    end = f"{separator}end"  # with a cell appended, empty cells at the end are not omitted
     width = len(cells_of(heading, separator))
     cells = cells_of(text.rstrip("\r\n") + end, separator)[:-1]
     if len(cells) > width and not cells[-1].text:
-        cells.pop()  # a separator at the end of the line
+        cells.pop()  # the line ends with a separator
     return len(cells) == width > 1
 
 
@@ -442,7 +442,7 @@ def read_numbers(
     at_most: largest size of the file in bytes.
     lenient: whether rows with a fault are omitted.
     takes_sexagesimal: whether angles in degrees, minutes and seconds are read; `NumberTable.in_unit` converts them.
-    guide: options for a guide log, None without any.
+    guide: options for a guide log, None if none are given.
     Raises DataError if the file cannot be read.
     """
     text = TextFile(source, at_most)
@@ -474,7 +474,7 @@ def read_numbers(
 
 
 class _Rows:
-    """A reader of the rows of a table of numbers; the first lines determine separator, decimal mark and width."""
+    """A reader of the rows of a table of numbers, whose first lines determine separator, decimal mark and width."""
 
     def __init__(
         self,
@@ -500,7 +500,7 @@ class _Rows:
         """Read the lines of a part of the text.
 
         first: number of its first line.
-        part: the part.
+        part: text of the part.
         """
         # the fast method applies as soon as the form of the rows is known
         if self.separator and (values := self._plain(part)) is not None:
@@ -520,7 +520,7 @@ class _Rows:
             self._read(lines)
             return
         self.waiting += lines
-        # the sample is complete; that of a short file is completed at its end
+        # the sample is complete; in a short file it is complete only at the end
         if len(self.waiting) >= SAMPLED_LINES:
             self._settle()
 
@@ -534,7 +534,7 @@ class _Rows:
     def _settle(self) -> None:
         """Determine the form of the rows from the first lines, and read these lines.
 
-        Raises PresetError if there are no rows of numbers or too few columns, or if the file is of another program.
+        Raises PresetError if there are no rows of numbers or too few columns, or if another program wrote the file.
         """
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
@@ -546,7 +546,7 @@ class _Rows:
         self._settle_names(sample, cells[0], separator, has_names=has_names)
         self.separator = separator
         self._settle_decimal(cells)
-        # from here on, the sample is read like all other lines
+        # the sample is now read like all other lines
         lines = self.waiting[1:] if has_names else self.waiting
         self.waiting = []
         self._read(lines)
@@ -572,7 +572,7 @@ class _Rows:
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
         first_number, first_row = rows[0]
-        # the most frequent width, so that a faulty row does not decide
+        # the most frequent width applies, because a single row may be faulty
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
@@ -606,7 +606,7 @@ class _Rows:
             message = f"the line of names does not fit {self.width} columns"
             hint = "write one name for each column, with the separator of the rows"
             empty = [cell.text for cell in first_cells[self.width :]]
-            # a sheet with a column that was never filled in
+            # the sheet has a column that was never filled in
             if empty and all(row.text.rstrip().endswith(separator) for row in sample[1:]):
                 message = f"no value is written in {', '.join(empty)}"
                 hint = "fill it in, or leave out the column"
@@ -625,7 +625,7 @@ class _Rows:
         is_mostly_faulty = len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)
         if not is_mostly_faulty and head < _FOREIGN_HEAD:
             return
-        # one message instead of hundreds
+        # one message replaces hundreds of findings
         self.table.findings.clear()
         program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
         message = f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
@@ -639,7 +639,7 @@ class _Rows:
         got: str,
         hint: str,
     ) -> NoReturn:
-        """Raise PresetError with the findings of the table, or with a given finding if it has none."""
+        """Raise PresetError after adding a finding to the table, unless the table already has findings."""
         if not self.table.findings:
             self.table.add(line, 1, "", message, got, hint)
         raise PresetError([])
@@ -663,23 +663,23 @@ class _Rows:
         self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> _Cells | None:
-        """Return the rows of a part that contains only numbers and separators, shape (rows, columns), otherwise None.
+        """Return the rows of a part that contains only numbers and separators, shape (rows, columns), or None.
 
         The numbers are the same as those read by `_row`.
         """
         separator = self.separator
         decimal = self.decimal
-        # "1,5" is ambiguous in this case, so each cell is read separately
+        # "1,5" is ambiguous if commas are separators and decimal marks, so each cell is read separately
         if separator == decimal or part.isspace():
             return None
         blank = {" ": r" \t", "\t": ""}.get(separator, " ")
-        # checked because loadtxt would also accept nan, inf and comments
+        # the characters are checked, because loadtxt would also accept nan and inf
         if not re.fullmatch(rf"[0-9eE+\-\n{separator}{blank}{decimal}]*", part):
             return None
         if separator != " ":
             part = part.replace(f"{separator}\n", "\n").removesuffix(separator)
         lines = (part.replace(",", ".") if decimal == "," else part).split("\n")
-        # blank and overlong lines have their own messages
+        # blank and overlong lines are processed one by one, with their own messages
         if not all(lines) or max(map(len, lines)) > MAX_LINE:
             return None
         try:
@@ -701,7 +701,7 @@ class _Rows:
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
         """Return the numbers of a row, or None with a finding if the row has no numbers or a wrong number of cells."""
-        # a second line of names, or a comment without #
+        # the line is a second line of names, or a comment without #
         if not has_numbers(row):
             hint = "put # in front of it; only one line of names is allowed, above the rows"
             self.table.add(line, row[0].column if row else 1, "", "a line of text among the rows", row_text(row), hint)
@@ -754,8 +754,8 @@ def _lines(
     part: str,
     table: NumberTable,
 ) -> Iterator[TableLine]:
-    """Yield the lines of a part of a text that are not blank; an overlong line is added to the findings."""
-    # an empty line of a spreadsheet contains separators
+    """Yield the lines of a part of a text that are not blank, and add a finding for each overlong line."""
+    # an empty row of a spreadsheet is a line of separators
     for number, line in enumerate(part.split("\n"), first):
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
@@ -768,10 +768,10 @@ def _lines(
 def _preamble(cells: Sequence[Sequence[Cell]]) -> int:
     """Return the number of lines that an instrument writes above the names, or 0 if the line of names is uncertain.
 
-    It is certain if all lines below it are rows with the same number of columns, and it is the first line with a known
-    name.
+    The line of names is certain if all lines below it are rows with the same number of columns, and if it is the first
+    line with a known name.
     """
-    # counted from the end of the sample upwards, for as long as the lines are rows
+    # number of consecutive rows at the end of the sample
     rows = next((k for k, row in enumerate(reversed(cells)) if not _is_row(row, len(cells[-1]))), len(cells))
     names = len(cells) - rows - 1
     if names < 1 or rows < _FOREIGN_ROWS or len(cells[names]) != len(cells[-1]) or has_numbers(cells[names]):
@@ -787,7 +787,7 @@ def _is_row(row: Sequence[Cell], width: int) -> bool:
 
 
 def shortened(items: Sequence[object], most: int = 5) -> str:
-    """Return a list of numbers or names for a message, shortened to the given length: 3, 4, 5, 6, 7 ... (12 in all)."""
+    """Return a list of items for a message, shortened to the given number of items: 3, 4, 5, 6, 7 ... (12 in all)."""
     text = ", ".join(map(str, items[:most]))
     return text if len(items) <= most else f"{text} ... ({len(items)} in all)"
 
@@ -803,12 +803,12 @@ def _readable_parts(
     table: NumberTable,
     guide: GuideForm,
 ) -> Iterator[tuple[int, str]]:
-    """Yield the parts of a text; those of a guide log or PE file as lines of a table with the same line numbers.
+    """Yield the parts of a text; a guide log or PE file is converted to lines of a table with the same line numbers.
 
     text: text of the file.
     table: table to which notes on the file are added.
     guide: options for a guide log.
-    Raises PresetError if such a file does not give a recording.
+    Raises PresetError if a guide log or PE file contains no usable recording.
     Raises UsageError if options for a guide log are used with another file.
     """
     # the first lines identify the program
@@ -824,7 +824,7 @@ def _readable_parts(
         if not (is_guide_log or program == "a PE file of EQMOD"):
             yield first, part
             continue
-        # the complete log, because its best section is chosen
+        # the complete file is read, because the best section of a log is chosen
         lines = "\n".join([part, *(following for _, following in parts)]).split("\n")
         try:
             if is_guide_log:
@@ -833,7 +833,7 @@ def _readable_parts(
                 table.is_lower_bound = rows.is_lower_bound
                 table.scale_uncertainty = rows.scale_uncertainty
                 table.deg_per_s = SIDEREAL_ARCSEC_S / 3600
-                # as many lines as the log has, so that line numbers in messages are correct
+                # there are as many lines as in the log, so that line numbers in messages are correct
                 yield 1, "\n".join(rows.lines)
             else:
                 yield 1, "\n".join(_of_pe_file(lines, table))
@@ -850,9 +850,14 @@ def _readable_parts(
 
 
 def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
-    """Yield lines with the angle of the shaft that turns once per worm period, from motor steps or from time."""
+    """Yield the lines of a table from a PE file: the angle of the worm, from motor steps or time, and the error.
+
+    lines: lines of the PE file.
+    table: table to which notes on the file are added.
+    Raises DataError if the file does not state the worm period.
+    """
     facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
-    stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each key counts
+    stated = {key: number_of(number) for key, number in reversed(facts)}  # first value of a repeated key
     period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))
     if not period > 0:
         raise DataError(

@@ -36,7 +36,7 @@ from hdassist.readers.words import (
 WHOLE_TURN_DEG = 360.0
 _COUNTER_BITS = (16, 24, 32)  # bits of counters that restart when they overflow
 _WRAP_STEPS = 20.0  # largest step over a wrap, in median steps
-_LEAST_WRAP_REST = 1.0  # deg: step over a wrap that is always allowed
+_LEAST_WRAP_REST = 1.0  # deg: a step over a wrap of up to this size is always allowed
 _LEAP = 0.4  # share of the wrap beyond which the direction of a step is ambiguous
 _JITTER = 0.5  # deg: backward moves up to this size are noise of a shaft that is stationary or slow
 _TURNING_STEPS = 4.0  # median steps: backward moves up to this size are noise of coarse readings
@@ -45,8 +45,8 @@ _WIDEST_TURN_BACK = 2.5  # median steps: largest deviation of a reading from its
 _FEW_ROWS = 5  # minimum number of rows in a move
 _SPIKE = 10.0  # median steps: largest first step after a restart
 _Angles = NDArray[np.float64]
-BY_ORDER = "columns by their sequence: input angle, error"  # note if no column has a name
-_TIME_BY_ORDER = (  # note if a speed or a period is given
+BY_ORDER = "columns by their sequence: input angle, error"  # note added if no column has a name
+_TIME_BY_ORDER = (  # note added if no column has a name and a speed or a period is given
     "columns by their sequence: time, error (--angle-unit deg for an angle)"
 )
 MAX_TRACE_BYTES = 100_000_000
@@ -110,8 +110,9 @@ class AngleError(ValueError):
 def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     """Return the angle at which an encoder restarts [deg], or None if it does not restart.
 
-    It is a revolution, or the range of the counter. All angles lie within it, and steps of more than half of it occur.
-    Over such a step the shaft moves as far as over other steps, whereas a restarted test run is not a wrap.
+    The wrap is a revolution or the range of the counter. All angles lie within a wrap, and some steps exceed half of a
+    wrap. If the wrap is removed from such a step, a step of usual size remains. If a large step remains, a test run was
+    restarted, and the result is None.
 
     count: size of a count [deg].
     """
@@ -119,11 +120,11 @@ def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     span = float(np.ptp(angle))
     longest = float(steps.max(initial=0.0))
     wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in _COUNTER_BITS))
-    # a revolution first, then counters in order of size
+    # a revolution is tried first, then the counters in order of size
     for wrap in wraps:
         if span <= wrap < 2 * longest:
-            # distance that the shaft moved over the wrap
-            over = np.abs(wrap - steps[2 * steps > wrap])  # steps over the wrap
+            # distances that the shaft moved in the steps over the wrap
+            over = np.abs(wrap - steps[2 * steps > wrap])
             usual = float(np.median(steps[2 * steps <= wrap])) if (2 * steps <= wrap).any() else wrap
             return wrap if float(np.median(over)) <= max(_WRAP_STEPS * usual, _LEAST_WRAP_REST) else None
     return None
@@ -172,9 +173,9 @@ def _leaping(angle: _Angles) -> NDArray[np.bool_]:
 
 
 def sweeps(angle: _Angles) -> list[_AngleSweep]:
-    """Return the moves in one direction each, in the order of the rows.
+    """Return the moves of the shaft, each in one direction, in the order of the rows.
 
-    Rows of a short move at the beginning or end are omitted.
+    Moves with fewer than _FEW_ROWS rows and the rows at turning points are omitted.
 
     angle: angles without jumps of the encoder [deg], shape (rows,).
     Raises AngleError if the angle runs backwards within a move.
@@ -187,14 +188,14 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     step = float(np.median(steps, overwrite_input=True))
     moves = _moves(angle, max(_JITTER, min(_TURNING_STEPS * step, _WIDEST_TURNING)))
     for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
-        # the shaft really moved back, or there are only a few rows before the first move
+        # allowed: the shaft really moved back, or only a few rows precede the first reversal
         if len(back) >= _FEW_ROWS or (before is moves[0] and len(before) < _FEW_ROWS):
             continue
         row = back.start
         last = before.stop - 1
         is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
         follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
-        if not (is_leap and follows):  # not a restart of the same move
+        if not (is_leap and follows):  # the row is not a restart of the same move
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
             raise AngleError(row, message, "sort the rows by time (--robust does not sort), or use --wrap 360")
     return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
@@ -227,7 +228,7 @@ def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     # int8, because a long recording has millions of rows
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
-    # only the last rows before the direction changes can be turning points
+    # only the last row before a change of direction can be a turning point
     ends = [*(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
     moves: list[_AngleSweep] = []
     start = 0
@@ -261,7 +262,7 @@ class TraceForm:
     wrap: angle after which the encoders restart [deg].
     robust: whether rows that are not readings, and readings far from all others, are omitted.
     speed: speed of the output [arcsec/s], which converts a column of time to its angle.
-    declination, guide_rate: values for a guide log [deg], [arcsec/s].
+    declination, guide_rate: declination of the guide star [deg] and guide rate [arcsec/s], for a guide log.
     period: period of an input revolution [s], which converts a column of time to the input angle.
     """
 
@@ -281,7 +282,7 @@ class TraceForm:
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, an invalid wrap, both error and second, or both speed and period."""
         angles = self.angle_units
-        # two columns for the same data
+        # both columns would give the error
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if self.speed is not None and self.period is not None:
@@ -451,7 +452,7 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     source: path ("-" is standard input), stream or bytes.
     form: form of the columns.
     Raises DataError if the file cannot be read.
-    Raises PresetError with every fault of its rows.
+    Raises PresetError that lists all faults of the rows.
     Raises UsageError for an invalid argument.
     """
     form.require_sound()
@@ -475,9 +476,9 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
 class _Readings:
     """Readings of a table in the order of its rows, each of shape (rows,)."""
 
-    cam_deg: Array  # input angle without wraps
+    cam_deg: Array  # input angle without wraps [deg]
     second: Array  # column of the error or of the second encoder, in its unit
-    output_deg: Array | None  # angle of the second encoder, without wraps
+    output_deg: Array | None  # angle of the second encoder, without wraps [deg]
     time_s: Array | None
     torque: Array | None
 
@@ -600,7 +601,7 @@ def _turns_per_s(
 ) -> float:
     """Return the constant speed of the input by which times were converted to angles [1/s], 0 for recorded angles.
 
-    table: table with the speed of the shaft if its angles were computed from times [deg/s].
+    table: table whose deg_per_s is the speed of the shaft if its angles were computed from times.
     form: form with the stated speed of the output.
     readings: readings with the times of the rows, if any.
     first: column of the angle.
@@ -618,7 +619,7 @@ def _moves_of_readings(
     readings: _Readings,
     column: int,
 ) -> list[_AngleSweep]:
-    """Return the moves of the shaft, with a note on rows outside the moves.
+    """Return the moves of the shaft, and add a note on rows outside the moves.
 
     column: index of the column of the angle.
     Raises PresetError if the angle runs backwards.
@@ -657,7 +658,7 @@ def _readings_of(
     second: _TraceColumn,
     per_turn: float,
 ) -> _Readings:
-    """Return the readings of a table, without wraps, with a note on unused columns.
+    """Return the readings of a table without wraps, and add a note on unused columns.
 
     table: table whose values are removed, because a long recording needs much memory.
     form: form with the wrap of the angles.
@@ -702,7 +703,7 @@ def _without_leaps(
     readings: _Readings,
     leaps: dict[int, NDArray[np.bool_]],
 ) -> _Readings:
-    """Return the readings, and set the lines of the table, without rows that jump and return.
+    """Return the readings without rows that jump and return, and remove the lines of these rows from the table.
 
     leaps: whether each row jumps and returns, by column index.
     """
@@ -756,16 +757,18 @@ def _require_small_error(
     *,
     has_far_readings: bool,
 ) -> None:
-    """Raise PresetError if the range of the error exceeds LARGEST_ERROR, at the row where it jumps or is largest.
+    """Raise PresetError if the range of the error exceeds LARGEST_ERROR.
+
+    The fault is at the row where the error jumps or is largest.
 
     table: table for the position of the fault.
     column: index of the column of the error or of the second encoder.
     error: error of each row [arcsec], shape (rows,).
     moves: moves of the shaft.
-    has_far_readings: whether single readings are far from the others.
+    has_far_readings: whether single readings differ strongly from their neighbours.
     """
     reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
-    # two degrees: larger values are not errors of a drive
+    # the limit is two degrees, and larger values are not errors of a drive
     if reach <= LARGEST_ERROR:
         return
     spans = f"the error spans {reach / _ARCSEC_PER_DEG:.3g} deg"
@@ -788,7 +791,10 @@ def _angle(
 ) -> Array:
     """Return the angles of the readings of a column without wraps [deg].
 
-    other: see `_unwrapped`.
+    readings: values of the column in its unit, shape (rows,).
+    wrap: stated wrap [deg], None to guess it.
+    other: argument of `_unwrapped`.
+    Raises PresetError if the column is constant or the direction of a step is ambiguous.
     """
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
@@ -799,7 +805,7 @@ def _angle(
         joined = angle if (wrap or guess) is None else _unwrapped(angle, wrap or guess or WHOLE_TURN_DEG, other)
     except AngleError as wrong:
         # a guess that fails is withdrawn
-        if guess and guess != WHOLE_TURN_DEG:  # not a counter that restarts: the rows are out of order
+        if guess and guess != WHOLE_TURN_DEG:  # the counter does not restart; the rows are out of order
             return angle
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
     if guess:
@@ -812,7 +818,7 @@ def _beside(
     role: str,
     default: str,
 ) -> Array | None:
-    """Return the only column of a role in its base unit, or None without one or for times that do not increase."""
+    """Return the only column of a role in its base unit, or None if it is missing or its times do not increase."""
     if table.roles.count(role) != 1:
         return None
     values = table.in_unit(table.roles.index(role), role, default)
@@ -830,9 +836,12 @@ def _second(
     cam: Array,
     ratio: float,
 ) -> tuple[Array, int]:
-    """Return the error [arcsec] from the angles of two encoders [deg], and the sense in which they count."""
+    """Return the error [arcsec] from the angles of two encoders [deg], and the sense in which they count.
+
+    Raises PresetError if the angles disagree with the ratio.
+    """
     centred = cam - cam.mean()
-    # output over input: the inverse of the ratio shown by the encoders
+    # the slope of output over input is the inverse of the ratio shown by the encoders
     slope = float(centred @ output / (centred @ centred))
     # over less than an input revolution, the error itself may cause the difference
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
@@ -858,7 +867,7 @@ def _require_ratio(
     ratio: float,
     sense: int,
 ) -> None:
-    """Raise PresetError if the increase of the error with the angle shows another ratio.
+    """Raise PresetError if the error increases with the angle as it does for a wrong ratio.
 
     table: table for the position of the fault.
     column: index of the column of the error or of the output.
@@ -902,7 +911,7 @@ def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
 
 
 def _leap_in(values: Array) -> int | None:
-    """Return the row at which values jump by most of their range and stay there, or None unless there is just one."""
+    """Return the row at which values jump by most of their range and stay there, or None if there is no such jump."""
     steps = np.diff(values)
     # without its largest step, a column with one jump has a small range
     row = int(np.abs(steps).argmax())
@@ -911,7 +920,7 @@ def _leap_in(values: Array) -> int | None:
 
 
 def _even_step(levels: Array, least: float) -> float:
-    """Return the step of increasing levels that are multiples of it apart, or 0 without such a step.
+    """Return the step of which all spacings of increasing levels are multiples, or 0 if there is no such step.
 
     least: smallest spacing of distinct levels; closer levels count as equal.
     """
@@ -923,7 +932,7 @@ def _even_step(levels: Array, least: float) -> float:
 
 
 def _step(readings: Array) -> float:
-    """Return the resolution of readings that repeat and are evenly spaced, or 0 without such a step."""
+    """Return the resolution of readings that repeat and are evenly spaced, or 0 if they are not."""
     # the resolution is visible only if most values occur repeatedly
     levels = np.unique(readings)
     rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
@@ -935,7 +944,7 @@ def _step_in_time(
     output: Array,
     ratio: float,
 ) -> float:
-    """Return the resolution [arcsec] of output angles [deg] read at even input angles, or 0 without one.
+    """Return the resolution [arcsec] of output angles [deg] read at even input angles, or 0 if it is not visible.
 
     Angles of a rotating shaft seldom repeat, but the steps between them do. Steps over missing rows are excluded.
     """
@@ -945,10 +954,10 @@ def _step_in_time(
     steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
     # the extremes include backlash where the shaft reverses
     steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]
-    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # smaller ones are due to rounding
+    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # smaller differences are due to rounding
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
-    # if the angles are uneven by more than a step, rounding is noise and counted as such
+    # if the angles are uneven by more than a step, rounding acts as noise and counts as noise
     return step if _is_even(cam, step * ratio / _ARCSEC_PER_DEG) else 0.0
 
 
@@ -1010,7 +1019,7 @@ def _angle_column(
     """Return the index of the column of the angle, which may be a column of time if there are no angles."""
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     if kind not in kinds and kinds.count("time") == 1:
-        # converted with the speed of the output or the period of the input, or rejected without these options
+        # times are converted with the speed of the output or the period of the input, and rejected if neither is given
         kind = "time"
     return _column(table, form.angle, kinds, kind, "angle")
 
@@ -1039,7 +1048,7 @@ def _error_column(
     index: int,
     form: TraceForm,
 ) -> _TraceColumn:
-    """Return the column of the error in its unit."""
+    """Return the column of the error with its unit."""
     return _in_unit(table, index, None, "error", form.error_unit, "arcsec", "--error-unit")
 
 
@@ -1049,7 +1058,7 @@ def _is_time(
     kind: str,
     form: TraceForm,
 ) -> bool:
-    """Return whether the column of the angle contains times, by its unit or otherwise by its name."""
+    """Return whether the column of the angle contains times, according to the stated unit or else to its name."""
     if form.angle_unit is not None:
         return plain_unit(form.angle_unit) in TIMES
     name = table.name(index)
@@ -1105,7 +1114,11 @@ def _column(
     kind: str,
     option: str,
 ) -> int:
-    """Return the index of a column by the requested name or number, otherwise that of the only column of a kind."""
+    """Return the index of the column with a requested name or number, or of the only column of a kind.
+
+    asked: name or number, None for the only column of the kind.
+    Raises PresetError if there is no such column or several.
+    """
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
@@ -1133,7 +1146,7 @@ def _in_unit(
     default: str,
     option: str,
 ) -> _TraceColumn:
-    """Return a column in the requested unit, that of its name, or the default, with a note."""
+    """Return a column in the requested unit, the unit in its name, or the default unit, and add a note on the unit."""
     unit = table.unit_of(index, words, default, (*ANGLES, COUNTS), asked, option)
     is_in_counts = unit.removeprefix("-") not in ANGLES
     if asked is None and is_in_counts:

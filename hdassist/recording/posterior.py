@@ -13,12 +13,12 @@ sizes, the posterior of beta is normal. With X and y whitened,
     P = X^T X / sigma^2 + V^-1,   beta | V, sigma, y ~ N(P^-1 X^T y / sigma^2, P^-1),                          (R9)
 
 which takes one Cholesky factorisation per draw. Columns that are nearly uncorrelated (over a long recording, waves of
-different orders) are drawn in groups, each given the others. With the columns g of X and all other coefficients o
-fixed,
+different orders) are drawn in groups, each given the others. For the columns g of a group, with all other coefficients
+o fixed,
 
     P_g = X_g^T X_g / sigma^2 + V_g^-1,   m_g = P_g^-1 X_g^T (y - X_o beta_o) / sigma^2,                       (R10)
 
-which is a Gibbs sampler of the same posterior with a small part of the work. Given beta, the sizes are drawn by (R7),
+which gives a Gibbs sampler of the same posterior at a small part of the cost. Given beta, the sizes are drawn by (R7),
 and sigma^2 has an inverse gamma distribution:
 
     sigma^2 | beta, y ~ IG(m/2, |y - X beta|^2 / 2),   m blocks.                                               (R11)
@@ -35,9 +35,10 @@ this:
 
     sum over k > 0 of (a_kj^2 + b_kj^2) / 2 > 4 A^2,   which no sum of distinct waves can have.               (R16)
 
-In this case the sidebands are widened too. If (R16) still holds, the components are found one by one in the residuals
-of the mean (R9) with the sizes of the profile, for which the waves cannot become so large. The frequency f of a line is
-refined by Gauss-Newton steps, with the derivative d of its curve with respect to f and the residuals r:
+In this case the width of the sidebands is increased as well. If (R16) still holds, the components are found one by one
+in the residuals of the mean (R9) with the sizes of the profile, for which the waves cannot become so large. The
+frequency f of a line is refined by Gauss-Newton steps, with the derivative d of its curve with respect to f and the
+residuals r:
 
     f += d^T r / (d^T d - d^T X P^-1 X^T d / sigma^2).                                                         (R17)
 """
@@ -82,15 +83,15 @@ _Indices = NDArray[np.int64]
 # effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width
 ENOUGH_SAMPLES = 100.0
 _MOST_DRAWS = 1200
-_BATCH = 40  # draws between two computations of the effective sample size
+_BATCH = 40  # number of draws between two computations of the effective sample size
 _LARGEST_POWER = 4.0  # largest power of all waves of the input, as a multiple of A^2
-_LINE_STEPS = 4  # steps for the frequency of a line
+_LINE_STEPS = 4  # number of Gauss-Newton steps for the frequency of a line
 _NOISE_STEPS = 3  # iterations for the variance of the noise with the usual sizes
 _KEPT_DRAWS = 200  # approximate number of draws in the result, because neighbours in a longer chain are redundant
 # draws of the sizes per draw of the coefficients, which takes longer; they reduce the correlation of the chain
 _SIZE_STEPS = 4
 _BURN_SHARE = 0.2  # share of the draws that is discarded as burn-in
-_FIRST_DRAWS, _FIRST_KEPT = 30, 10  # draws of the fit with white noise, and draws that are averaged for its residuals
+_FIRST_DRAWS, _FIRST_KEPT = 30, 10  # number of draws of a short chain, and of those that are averaged
 _MORE_SIDEBANDS = (4, 8)  # sidebands beyond the usual 6, tried in this sequence
 # largest number of sidebands relative to the ratio; wider ones fill the spectrum and represent slow noise as waves
 _WIDEST_OF_RATIO = 0.25
@@ -121,7 +122,7 @@ class AmplitudePosterior:
     block_place_rev: position of each block on the cycle [input rev], shape (blocks,).
     block_run: number of the run of each block, shape (blocks,).
     block_residual: block mean minus the mean curve [arcsec], shape (blocks,).
-    effective: smaller effective sample size of the ranges over the cycle and over the covered positions.
+    effective: effective sample size of the range over the cycle or over the covered positions, whichever is smaller.
     """
 
     pairs: _Indices
@@ -154,7 +155,7 @@ def posterior_of_recording(
     seed: int = 0,
     most_draws: int = _MOST_DRAWS,
 ) -> AmplitudePosterior:
-    """Return samples of the amplitudes given a recording.
+    """Return samples of the amplitudes from their posterior distribution given a recording.
 
     recording: readings of one drive at one torque in one direction.
     drift_degree: highest degree of the slow drift over the time of a run, 0 for none.
@@ -200,7 +201,8 @@ def _plausible_components(
 ) -> Components:
     """Return components with which the waves of a model are no larger than the readings allow.
 
-    They are found one by one in the residuals with the usual sizes, which do not permit large waves.
+    The components are found one by one in the residuals of a fit with the sizes of the profile, for which the waves
+    cannot become large.
 
     readings: readings in canonical order.
     model: model without components.
@@ -265,7 +267,7 @@ def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
 
     is_joined: whether two columns are joined, symmetric, shape (columns, columns).
     """
-    is_free = np.ones(len(is_joined), bool)  # scipy.sparse has this function but takes a tenth of a second to import
+    is_free = np.ones(len(is_joined), bool)  # not scipy.sparse, whose import takes a tenth of a second
     for column in range(len(is_joined)):
         if not is_free[column]:
             continue
@@ -280,7 +282,7 @@ def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
 
 
 class _Model:
-    """Block means and their design (R8), with columns of the waves, then levels, then drifts, then lines."""
+    """Block means and their design (R8). The columns are waves, levels, drifts and lines, in this order."""
 
     def __init__(
         self,
@@ -330,7 +332,7 @@ class _Model:
         other_columns: Array,
         smaller: _Model | None,
     ) -> None:
-        """Set the columns and their products, copied from a smaller model where it has them.
+        """Set the columns and their products. Those that a smaller model has are copied from it.
 
         readings: readings in canonical order.
         starts: first row of each block.
@@ -344,7 +346,7 @@ class _Model:
             is_old[: self.waves] = np.tile(places >= 0, 2)
             cosines = places[places >= 0]
             old = np.concatenate([cosines, len(smaller.pairs) + cosines])
-        columns = np.empty((len(is_old), len(starts)))  # one column per row, so that each is contiguous
+        columns = np.empty((len(is_old), len(starts)))  # transposed, because each column is then contiguous
         new = np.flatnonzero(~is_old[: self.waves])
         fill_block_columns(readings, starts, self.pairs[new[: len(new) // 2]], [columns[place] for place in new])
         columns[self.waves :] = other_columns.T
@@ -371,7 +373,7 @@ class _Model:
         return gram
 
     def residual(self, coefficients: Array) -> Array:
-        """Return the block means minus those of the model."""
+        """Return the block means minus those of the model [arcsec], shape (blocks,)."""
         return self.errors - self.design @ coefficients
 
     def clear_components(self, coefficients: Array, most: int = MOST_COMPONENTS) -> Components:
@@ -389,7 +391,7 @@ class _Model:
         return memory_of(self.residual(coefficients), self.run, self.blocks_per_rev)
 
     def with_components(self, readings: OrderedReadings, components: Components) -> _Model:
-        """Return this model, which has no components, with components added."""
+        """Return a copy of this model, which must not have components, with components added."""
         return _Model(
             readings,
             drift_degree=self.degree,
@@ -418,7 +420,7 @@ class _Model:
         return max(float(np.ptp(self.path_rev[self.run == number])) for number in range(self.runs))
 
     def has_line_near(self, lines: Sequence[float]) -> bool:
-        """Return whether any of the lines is not resolved from a line of the model."""
+        """Return whether a line is so close to a line of the model that the longest run does not resolve them."""
         return any(abs(line - own) < SAME_PLACE / self.longest_run for line in lines for own in self.components.lines)
 
     def shifted_lines(self, fit: _UsualFit) -> Components:
@@ -430,14 +432,16 @@ class _Model:
         for line, in_runs in zip(self.components.lines, in_lines, strict=True):
             slope = self._slope_over_place(line, in_runs)
             half = dtrtrs(fit.factor, slope @ self.design, lower=1)[0]
-            # reduced by the part that the other columns can represent
+            # the information is reduced by the part that the other columns can represent
             information = float(slope @ slope - half @ half / fit.sigma2)
             step = float(slope @ residual) / information if information > 0 else 0.0
             lines.append(line + float(np.clip(step, -largest_step, largest_step)))
         return Components(pairs=self.components.pairs, lines=tuple(lines))
 
     def _slope_over_place(self, line: float, in_runs: Array) -> Array:
-        """Return the derivative of a line by its frequency, with a fixed phase in the middle of each run, (blocks,).
+        """Return the derivative of a line with respect to its frequency, shape (blocks,).
+
+        The phase in the middle of each run is fixed.
 
         in_runs: coefficients of its cosine and sine in each run [arcsec], shape (runs, 2).
         """
@@ -483,7 +487,7 @@ def _slow_columns(
     in_run = (run[:, None] == np.arange(int(run.max()) + 1)).astype(float)
     powers = [in_run]
     for power in range(1, degree + 1):
-        # scaled to a change of 1 from end to end
+        # the scale gives a change of 1 from end to end
         legendre = np.polynomial.legendre.legval(2 * elapsed, np.eye(degree + 1)[power]) / 2
         powers.append(in_run * legendre[:, None])
     return np.hstack(powers)
@@ -548,7 +552,7 @@ class _Sampler:
         self._group_grams = [self._gram[np.ix_(group, group)] for group in self._groups]
 
     def first_mean(self) -> Array:
-        """Return the mean coefficients of a short chain."""
+        """Return the mean coefficients of the last draws of a short chain, shape (columns,)."""
         draws = [self._step() for _ in range(_FIRST_DRAWS)]
         return np.asarray(np.mean(draws[-_FIRST_KEPT:], axis=0))
 
@@ -606,7 +610,7 @@ class _Sampler:
         return np.concatenate([1 / variances, levels, drifts, lines])
 
     def _step(self) -> Array:
-        """Draw coefficients, then sizes, and return the coefficients."""
+        """Draw the coefficients and then the sizes, and return a copy of the coefficients, shape (columns,)."""
         model, rng = self._model, self._rng
         prior = self._prior_precision()
         beta = self._beta
