@@ -1,18 +1,18 @@
-"""Draws of a drive: each is solved as far as it agrees with the reference data, and stored for the next command.
+"""Draws of a drive, which are solved fully if they agree with the reference data, and stored for later commands.
 
-Stiffness needs some ten states. A draw that agrees badly with the reference data on stiffness is therefore solved for
-F'_ior only by chance, with a probability p by which its weight is divided, so that the sum of weights is right on
-average. For a draw from a density q over that of the prior, with the likelihood L of all reference data and L_K of
-stiffness alone,
+Stiffness takes only some ten states and is solved first. A draw that agrees badly with the reference data on stiffness
+is solved for F'_ior only with a probability p. Its weight is divided by p, so that the expected sum of weights is
+unchanged. For a draw with the density q relative to that of the prior, the likelihood L of all reference data, and the
+likelihood L_K of those on stiffness,
 
 (1)  weight = L / (q p),  p = min(1, L_K / (k q))
 
-k is KEPT_LIKELIHOOD, or the largest likelihood of the first draws if that is smaller. Otherwise nearly all draws would
-be omitted, although they are equally bad.
+k is KEPT_LIKELIHOOD, or the largest likelihood among the first draws if that is smaller. With a larger k, nearly all
+draws of a drive that agrees badly would be omitted, although they agree equally badly.
 
-Stored draws are found by all their dependencies: values of the drive and ranges of its prior, torques, rotations,
-reference data, seed, source code, and the machine's instructions, on which the last digits depend. A file with an
-invalid checksum or type is drawn again.
+Stored draws are looked up by all their dependencies: values of the drive and ranges of its prior, torques, rotations,
+reference data, seed, source code, and the instruction set of the processor, on which the last digits depend. If a file
+has an invalid checksum or type, its draws are computed again.
 """
 
 from __future__ import annotations
@@ -75,19 +75,19 @@ _MOST_WEIGHT = 1e100  # largest weight of a draw, so that squares of weights do 
 
 @dataclass(frozen=True)
 class Draw(ClosedRecord):
-    """One draw: the reason why it is not a valid drive, or its predictions and weight.
+    """One draw: its predictions and weight, or the reason why it has none.
 
-    refused: reason why it is not a valid drive; empty if it is.
-    figures: predictions by name.
+    refused: reason why it is not a valid drive or has no trustworthy result; empty if there is none.
+    figures: predicted values by name.
     F_ior_arcsec: F'_ior at each torque [arcsec]; None if the draw was not solved further.
-    turned_arcsec: F'_ior at each torque and rotation [arcsec].
-    weight: weight of the draw.
-    shares: share of each field's probability.
-    proof: certificate of its states, without those with the wheel turned.
-    follows: values of fields that follow from others, by path.
+    turned_arcsec: F'_ior at each torque and rotation of the fixed wheel [arcsec]; None as for F_ior_arcsec.
+    weight: weight of the draw by equation (1).
+    shares: quantile level of each field in its prior.
+    proof: certificate of its states, except those with the wheel turned.
+    follows: values of fields that depend on other fields, by path.
     turned_proof: certificate of the states with the wheel turned.
-    sets_arcsec: F'_ior at each torque for each further set of deviations on the same contact system [arcsec].
-    set_weights: weights of these sets.
+    sets_arcsec: F'_ior [arcsec] at each torque, for each further set of deviations on the same contact system.
+    set_weights: weight of each further set.
     """
 
     refused: str = ""
@@ -119,30 +119,31 @@ _DRAWS = TypeAdapter(list[Draw])
 
 # returns the figures of a drive by name, with their certificate
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]
-UnderWay = dict[int, Future[list[Draw]]]  # draws in progress by number
-# number of processes up to which no draws are started in advance, because they wait only briefly at the end of a batch
+UnderWay = dict[int, Future[list[Draw]]]  # draws in progress, by number
+# largest number of processes for which no draws are started in advance, because few processes wait only briefly at the
+# end of a batch
 _FEW_PROCESSES = 4
-# likelihood, relative to perfect agreement, below which a draw continues with a probability in proportion to it
+# likelihood, relative to perfect agreement, below which a draw is solved further with a probability proportional to it
 KEPT_LIKELIHOOD = 0.2
-# smallest value of k if no draw agrees better; draws that agree less are not drives of these reference data
+# smallest value of k; draws that agree less than this are not drives with these reference data
 _LEAST_KEPT_LIKELIHOOD = 0.01
 _SHOWN_DIGITS = 6  # digits of an error in arcsec; further digits depend on the number of positions computed together
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """All dependencies of draws of a drive for one purpose.
+    """Everything on which the draws of a drive depend, and the methods that draw and store them.
 
     prior: prior of the drive.
     torques: torques at which F'_ior is computed [N*m].
     rotations_deg: rotations of the fixed wheel at which F'_ior is also computed [deg].
     evidence: reference data on the drive.
-    figures_of: function that returns further figures of each draw, None for no figures.
-    figures_name: description of the dependence of these figures other than on the drive; without it draws with figures
+    figures_of: function that returns further predicted values of a draw; None if no further values are needed.
+    figures_name: description of all inputs of figures_of except the drive; if it is empty, draws with further values
         are not stored.
     seed: seed of the draws.
-    sets: number of sets of deviations for which a draw has F'_ior as mounted, if deviations are open and no F'_ior was
-        measured.
+    sets: number of sets of deviations for which F'_ior of a draw is computed; it applies only if deviations are
+        uncertain and no F'_ior was measured.
     """
 
     prior: DrivePrior
@@ -161,12 +162,15 @@ class Sampling:
 
     @cached_property
     def accuracy(self) -> Evidence | None:
-        """The accuracy in the catalogue; None without one."""
+        """The catalogue accuracy; None if it is not stated."""
         return next((datum for datum in self.evidence if datum.figure == ACCURACY), None)
 
     @cached_property
     def near(self) -> DeviationProposal | None:
-        """Proposal of deviations near the measured F'_ior, with several draws per system; None without one."""
+        """Proposal that draws several sets of deviations per system near the measured F'_ior.
+
+        It is None if no F'_ior was measured or no deviation is uncertain.
+        """
         is_open = self.measured and open_deviations(self.prior)
         return DeviationProposal(self.prior, self.measured, self.seed) if is_open else None
 
@@ -178,11 +182,14 @@ class Sampling:
     # Stored draws
 
     def kept(self) -> list[Draw]:
-        """Return the stored draws, from the first one; none if any of them is invalid."""
+        """Return the stored draws in order, starting with the first; an empty list if their file is invalid."""
         return (self._is_answer and self.answer.found()) or []
 
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Store draws, from the first one; draws with rotations are also stored without them if that adds draws."""
+        """Store draws in order, starting with the first.
+
+        Draws with rotations are also stored without them, if fewer draws without rotations are stored so far.
+        """
         if self._is_answer:
             self.answer.keep(list(draws))
         alone = replace(self, rotations_deg=())
@@ -191,12 +198,12 @@ class Sampling:
 
     @property
     def _is_answer(self) -> bool:
-        """Whether all dependencies of the draws are known, so that they can be stored."""
+        """Whether the draws can be stored, because all their dependencies are known."""
         return bool(self.figures_name or not self.figures_of)
 
     @property
     def answer(self) -> KeptAnswer[list[Draw]]:
-        """The cache entry of the draws, by all their dependencies."""
+        """The cache entry of the draws, whose key contains all their dependencies."""
         depends = {
             "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "fields": [
@@ -224,12 +231,12 @@ class Sampling:
         ahead: UnderWay,
         most: int,
     ) -> Iterator[list[Draw]]:
-        """Yield new draws in groups of `alike`.
+        """Return an iterator over new draws in groups of `alike`.
 
-        draws: current draws, the first of which propose the new ones.
-        first, last: number of the first new draw, and of the draw after the last.
-        run: the run; with many processes, draws after the last one are started in advance, so that no process waits.
-        ahead: draws in progress, by number.
+        draws: draws so far; the first ones determine the proposal of the new draws.
+        first, last: number of the first new draw, and number after the last new draw.
+        run: processes; if there are many, later draws are started in advance to keep all of them busy.
+        ahead: draws in progress, by number; draws started in advance are added to it.
         most: largest number of draws.
         """
         pilot = [draw.figures for draw in draws[:: self.alike][:PILOT_DRAWS]]
@@ -237,7 +244,7 @@ class Sampling:
         if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
             begin = max(ahead, default=first - 1) + 1
             end = min(last + run.at_a_time, most)
-            if first < PILOT_DRAWS:  # draws after the pilot depend on the whole pilot
+            if first < PILOT_DRAWS:  # the proposal of later draws needs all pilot draws
                 end = min(end, PILOT_DRAWS)
             if begin < end:
                 for number, *task in self._tasks(begin, end, pilot, kept_likelihood):
@@ -249,7 +256,7 @@ class Sampling:
         return run.map(self.solved, *zip(*tasks, strict=True))
 
     def _kept_likelihood(self, pilot: Sequence[Mapping[str, float]]) -> float:
-        """Return k of equation (1) from the figures of the first draws; KEPT_LIKELIHOOD if there are too few."""
+        """Return k of equation (1) from the predicted values of pilot draws; KEPT_LIKELIHOOD if these are too few."""
         if len(pilot) < PILOT_DRAWS:
             pilot = ()
         log_likelihood_of = stiffness_log_likelihoods(self.evidence, pilot)
@@ -263,9 +270,11 @@ class Sampling:
         pilot: Sequence[Mapping[str, float]],
         kept_likelihood: float,
     ) -> list[tuple[Any, ...]]:
-        """Return the arguments of `solved` for draws.
+        """Return the arguments of `solved` for each of several draws.
 
-        begin, end: number of the first draw, and of the draw after the last.
+        begin, end: number of the first draw, and number after the last draw.
+        pilot: predicted values of the pilot draws.
+        kept_likelihood: k of equation (1).
         """
         shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
         numbers = range(begin, end)
@@ -279,13 +288,16 @@ class Sampling:
         return [(*row, kept_likelihood, self._unturned(number)) for number, row in zip(numbers, rows, strict=True)]
 
     def _unturned(self, number: int) -> Draw | None:
-        """Return a draw stored without rotations, to which they are added; None if it is not a valid drive."""
+        """Return the draw with this number that is stored without rotations; None if there is no valid one."""
         candidates = self._kept_unturned[number : number + 1]
         return next((draw for draw in candidates if not draw.refused), None)
 
     @cached_property
     def _kept_unturned(self) -> list[Draw]:
-        """Draws stored without rotations; none if F'_ior was measured, which changes all values of F'_ior together."""
+        """Draws that are stored without rotations, to which rotations can be added.
+
+        There are none if F'_ior was measured, because all values of F'_ior are then drawn together.
+        """
         return replace(self, rotations_deg=()).kept() if self.rotations_deg and not self.measured else []
 
     def solved(
@@ -299,15 +311,15 @@ class Sampling:
     ) -> list[Draw]:
         """Return draws that share all fields except the deviations, with their predictions and weights.
 
-        A draw that is not a valid drive has only the reason.
+        A draw without a trustworthy result contains only the reason.
 
-        number: number among all draws.
+        number: number of this group of draws.
         values: values of the fields, by path.
-        shares: their shares of probability, then the random number that decides whether a badly agreeing draw is solved
-            further.
-        density: density of the draw over that of the prior.
+        shares: quantile levels of the fields, followed by the random number that decides whether a badly agreeing draw
+            is solved further.
+        density: density of the draw relative to that of the prior.
         kept: k of equation (1).
-        unturned: the draw, if only its rotations are missing.
+        unturned: the same draw without rotations, if it is stored; None otherwise.
         """
         try:
             if unturned:
@@ -317,11 +329,11 @@ class Sampling:
             return self._refused(str(error.fault))
 
     def _refused(self, reason: str) -> list[Draw]:
-        """Return draws that are not valid drives, with the reason."""
+        """Return a group of refused draws with the reason."""
         return [Draw(refused=reason) for _ in range(self.alike)]
 
     def with_turns(self, unturned: Draw, values: dict[str, float]) -> Draw:
-        """Return a draw with its missing rotations; a draw without a trustworthy result gets the reason instead.
+        """Return a draw with its missing rotations, or with only the reason if a result cannot be trusted.
 
         values: values of the fields, by path.
         """
@@ -346,9 +358,9 @@ class Sampling:
     def _tests_of(self, drive: Drive, number: int) -> dict[str, tuple[float, float]]:
         """Return the torque [N*m] and rotation [deg] at which reference data on F'_ior apply to a drive, by figure.
 
-        An accuracy that is read at a few positions is not included, because it is read separately.
+        An accuracy that the manufacturer reads at a few positions is not included, because `_tested` predicts it.
 
-        number: number of the draw, which determines the rotation in the accuracy test.
+        number: number of the draw, on which the random rotation in the accuracy test depends.
         """
         tests = {datum.figure: (datum.M_g, datum.rotation_deg) for datum in self.measured}
         if self.torques and self.accuracy and not self.accuracy.positions:
@@ -356,7 +368,7 @@ class Sampling:
         return tests
 
     def _torques_with(self, tests: Mapping[str, tuple[float, float]]) -> tuple[float, ...]:
-        """Return all torques [N*m] that a draw needs, without repetition: the requested ones, then those of tests."""
+        """Return the requested torques and then the torques of tests [N*m], without repetition."""
         loads = [M_g for M_g, _ in tests.values()]
         if self.torques and self.accuracy:
             loads.append(ACCURACY_LOAD * self.prior.drive.rated_torque)
@@ -412,22 +424,22 @@ class Sampling:
         density: float,
         kept: float,
     ) -> float:
-        """Return p of equation (1) from the stiffness figures of a draw; 1 without reference data on stiffness."""
+        """Return p of equation (1) from the stiffness values of a draw; 1 without reference data on stiffness."""
         if not figures:
             return 1.0
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
         return min(1.0, likelihood / density / kept)
 
     def _meshed(self, drive: Drive, shares: Sequence[float]) -> tuple[Drive, dict[str, float], Certificate]:
-        """Return a drive with its dependent shift of the circular spline, that shift by path, and a certificate.
+        """Return a drive with its profile shift relative to just meshing, this shift by path, and the certificate.
 
-        shares: shares of the probability of all fields.
+        shares: quantile levels of all fields.
         """
-        # the profile shift is stated, or does not depend on other fields
+        # the profile shift does not depend on other fields
         if not self.prior.meshing:
             return drive, {}, EMPTY
         place, beyond = self.prior.meshing
-        # the teeth of a drive at rest just mesh, and the drawn share gives the shift beyond that
+        # the drawn quantile level gives the shift beyond the one at which the teeth of a drive at rest just mesh
         shift, proof = meshing_shift(drive)
         follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
         return drive.with_values(follows), follows, proof
@@ -437,7 +449,7 @@ class Sampling:
 
         proof: certificate of the states of the system so far, which is added to the first draw.
         """
-        # without a measured F'_ior, deviations come from the prior
+        # without a measured F'_ior, the deviations are those drawn from the prior
         proposals = [ProposedDeviations(shares={}, density=1.0)]
         chosen: _ChosenSets | None = None
         if self.near:
@@ -450,7 +462,7 @@ class Sampling:
         draws = []
         for place, deviations in enumerate(proposals):
             draw = self._draw_of(system, deviations, place, chosen)
-            # the states of the tables are counted once, with the first draw
+            # the states of the system are counted only with the first draw
             draws.append(replace(draw, proof=proof + draw.proof))
             proof = EMPTY
         return draws
@@ -458,17 +470,18 @@ class Sampling:
     def _draw_of(self, system: _System, deviations: ProposedDeviations, place: int, chosen: _ChosenSets | None) -> Draw:
         """Return the draw of a contact system with given deviations.
 
+        deviations: proposed deviations of the draw.
         place: index of the draw among those of the system.
-        chosen: sets of deviations chosen by the manufacturer's test; None without such a choice.
+        chosen: sets of deviations chosen by the manufacturer's test; None if no sets were chosen.
         """
-        # draws share the contact system, but have their own deviations
+        # draws share the contact system, but each has its own deviations
         shares = self._shares_with(deviations, system.shares)
         drive = system.drive.with_values(self.prior.values(np.array([shares]))[0])
         errors = self._errors_of(system, drive, place)
         further_figures, proof_of_figures = self.figures_of(drive) if self.figures_of else ({}, EMPTY)
         figures = {**system.figures, **further_figures, **errors.by_figure}
         likelihood = float(np.exp(log_likelihood(self.evidence, figures)))
-        # further deviations on one contact system need no factorisation
+        # further sets of deviations reuse the factorised contact system
         sets = self._further_sets(system, drive, shares, chosen)
         return Draw(
             figures=figures,
@@ -492,13 +505,13 @@ class Sampling:
         drive: Drive,
         place: int,
     ) -> _Errors:
-        """Return F'_ior of a drive on a contact system.
+        """Return F'_ior of a drive with the deviations of a draw on a contact system.
 
         place: index of the draw among those of the system.
         """
         F_ior, tested, proof = errors_now(system.maps, drive, self.torques, list(system.tests.values()))
         turned, turned_proof = errors_by_turn(system.maps, drive, self.torques, F_ior.tolist(), self.rotations_deg)
-        # the drive differs from the model, so measured values of the drive change all its other errors
+        # the drive differs from the model, and its measured values also determine this difference at other points
         if self.measured:
             seed = [self.seed, system.number * self.alike + place]
             F_ior, turned = self._shown(tested[: len(self.measured)], F_ior, turned, seed)
@@ -517,14 +530,14 @@ class Sampling:
         )
 
     def _shares_with(self, deviations: ProposedDeviations, shares: Sequence[float]) -> list[float]:
-        """Return the shares of all fields, with those of the deviations replaced by proposed ones."""
+        """Return the quantile levels of all fields, with those of proposed deviations replaced."""
         paths = [field_prior.path for field_prior in self.prior.fields]
         return [deviations.shares.get(path, share) for path, share in zip(paths, shares, strict=True)]
 
     def _set_weight(self, system: _System, tested_arcsec: float | None) -> float:
-        """Return the weight of a set of deviations by equation (1).
+        """Return the weight of a set of deviations by equation (1), before it is divided by the set's own density.
 
-        tested_arcsec: F'_ior of the set as tested [arcsec], None without an accuracy.
+        tested_arcsec: reading of the set in the manufacturer's test [arcsec]; None without an accuracy.
         """
         figures = dict(system.figures)
         if tested_arcsec is not None:
@@ -536,13 +549,13 @@ class Sampling:
 
     @cached_property
     def _set_places(self) -> list[int]:
-        """Indices of the deviations that differ between sets; none if each draw has one set."""
-        # measured values of one drive determine its deviations
+        """Indices of the fields that differ between sets; none if each draw has only one set."""
+        # measured values of the drive determine its deviations, so further sets are not drawn
         return [] if self.measured or self.sets < 2 else self._drawn_places
 
     @cached_property
     def _drawn_places(self) -> list[int]:
-        """Indices of the open deviations that are not fitted with others."""
+        """Indices of the uncertain deviations that are drawn independently, and not from joint draws of a fit."""
         fields = open_deviations(self.prior)
         return [
             place
@@ -558,9 +571,9 @@ class Sampling:
     def _chosen_sets(self, system: _System) -> _ChosenSets:
         """Return sets of deviations chosen among candidates by the manufacturer's test, the set of the draw first.
 
-        Importance sampling: few drives of a system pass a tight test, and each candidate takes no longer than the test.
-        The density with which a candidate is chosen, over that of the prior, increases with its likelihood. It is
-        nowhere below LEAST_DENSITY, because an option may make a failing drive pass. The weight is divided by the
+        This is importance sampling, because few drives of a system pass a tight test. The density with which a
+        candidate is chosen, relative to that of the prior, increases with its likelihood. It is nowhere below
+        LEAST_DENSITY, because an option may make a failing drive pass. The weight of a chosen set is divided by this
         density.
         """
         assert self.accuracy
@@ -568,12 +581,12 @@ class Sampling:
         rng = np.random.default_rng([self.seed, system.number, _CHOSEN])
         candidates = np.tile(system.shares, (count, 1))
         candidates[1:, self._drawn_places] = rng.random((count - 1, len(self._drawn_places)))
-        # all with the rotation and first position of the draw
+        # all candidates are tested with the rotation and first position of the draw
         seeds = [[self.seed, system.number] for _ in range(count)]
         tested, proof = self._tested(system, system.drive, self._columns_of(candidates), seeds)
         likelihood = np.exp(self.accuracy.log_likelihood(tested))
         density = LEAST_DENSITY + (1 - LEAST_DENSITY) * likelihood / likelihood.mean()
-        # even steps around the cumulative density from a random start, so that each chosen set has its own density
+        # systematic sampling: equal steps of the cumulative density from a random start
         steps = (rng.random() + np.arange(self.sets) / self.sets) % 1
         chosen = np.minimum(np.searchsorted(np.cumsum(density) / count, steps), count - 1)
         return _ChosenSets(
@@ -584,7 +597,7 @@ class Sampling:
         )
 
     def _proposed(self, chosen: _ChosenSets) -> ProposedDeviations:
-        """Return the deviations of a draw, which are the first of its chosen sets."""
+        """Return the first of the chosen sets as the deviations of the draw."""
         first_shares = chosen.shares[0].tolist()
         shares = {self.prior.fields[place].path: first_shares[place] for place in self._drawn_places}
         return ProposedDeviations(shares=shares, density=float(chosen.densities[0]))
@@ -595,8 +608,8 @@ class Sampling:
         """Return F'_ior of further sets of deviations on the contact system of a draw.
 
         drive: drive with the deviations of the draw.
-        shares: shares of the fields of the draw.
-        chosen: sets chosen by the manufacturer's test; None if all sets are equally probable.
+        shares: quantile levels of the fields of the draw.
+        chosen: sets chosen by the manufacturer's test; None to draw the sets from the prior.
         """
         if not self._set_places:
             no_F_ior = np.empty((len(self.torques), 0))
@@ -612,30 +625,30 @@ class Sampling:
         )
         if chosen:
             return chosen.further(sets)
-        # only an accuracy weights sets by their own error
+        # without an accuracy, no reference data depend on the deviations of a set
         if not self.accuracy:
             return sets
-        # each set has its own rotation and first position
+        # each set is tested with its own rotation and first position
         seeds = [[self.seed, system.number, place] for place in range(1, self.sets)]
         tested, proof = self._tested(system, drive, columns, seeds)
         return replace(sets, tested_arcsec=tuple(tested.tolist()), proof=sets.proof + proof)
 
     def _set_shares(self, number: int, shares: Sequence[float]) -> Array:
-        """Return random shares of further sets of deviations, shape (sets, fields).
+        """Return the quantile levels of all fields for further random sets of deviations, shape (sets, fields).
 
         number: number of the draw.
-        shares: shares of the fields of the draw, which all other fields keep.
+        shares: quantile levels of the draw; fields other than the deviations keep them.
         """
-        # a separate random stream, so that the number of sets changes no other random number
+        # the sets have a separate random stream, so the number of sets does not change other random numbers
         rng = np.random.default_rng([self.seed, number, _SETS])
         random = np.tile(shares, (self.sets - 1, 1))
         random[:, self._set_places] = rng.random((self.sets - 1, len(self._set_places)))
         return np.asarray(random)
 
     def _columns_of(self, shares: Array) -> dict[str, Array]:
-        """Return values of the deviations of sets by path, shape (sets,) each.
+        """Return the values of the deviations in several sets, by path, shape (sets,) each.
 
-        shares: shares of the fields, shape (sets, fields).
+        shares: quantile levels of the fields, shape (sets, fields).
         """
         values = self.prior.values(shares)
         paths = [self.prior.fields[place].path for place in self._drawn_places]
@@ -661,13 +674,14 @@ class Sampling:
         return ranges_as_tested(map_of_test, batch, self.accuracy.positions, starts, DRAWN_GRIDS)
 
     def _shown(self, tested: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
-        """Return F'_ior of the drive [arcsec], drawn around that of the model given the measured values of the drive.
+        """Return F'_ior of the real drive [arcsec], drawn given the model and the measured values.
 
-        The draw has its own scale, misfit, noise and misread value (evidence.py, equation 1), which do not depend on
-        other requested results.
+        The draw has its own scale, misfit, noise and misread value (evidence.py, equation 1). They do not depend on the
+        other requested results. The results have the shapes of F_ior and turned.
 
         tested: F'_ior of the model under the conditions of the measured values [arcsec], shape (values,).
-        F_ior, turned: F'_ior of the model [arcsec], shapes (torques,) and (torques, rotations), as for the results.
+        F_ior: F'_ior of the model in the present position [arcsec], shape (torques,).
+        turned: F'_ior of the model with the wheel turned [arcsec], shape (torques, rotations).
         seed: seed of the draw.
         """
         y, stated, correlation = values_of_errors(self.measured)
@@ -676,7 +690,7 @@ class Sampling:
         rng = np.random.default_rng(seed)
         kinds = error_kinds(len(y), {1.0: 0.0})
         log_likelihood_of_kinds = log_likelihoods(kinds, predicted, y, stated, correlation, mean)[:, 0]
-        # one kind of error, selected by its posterior probability
+        # draw one kind of error by its posterior probability
         kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihood_of_kinds))]
         scale_normals = rng.standard_normal(1)
         noise_normals = rng.standard_normal((1, len(y)))
@@ -693,14 +707,14 @@ class Sampling:
             kernel(turns.tolist(), turns.tolist()) * is_same_torque,
             (scale_normals, _misfit_normals(loads, turns, seed), noise_normals),
         )
-        # rounded, so that stored and computed draws agree
+        # rounding makes stored and newly computed draws agree
         shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
 
     def _points_shown(self) -> tuple[Array, Array]:
-        """Return the torque [N*m] and rotation [deg] of each F'_ior: requested ones by torque, then measured ones."""
+        """Return the torque [N*m] and rotation [deg] of each requested F'_ior, and then of each measured one."""
         points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
-        # include the measured points, at which errors are known
+        # the measured points, at which the errors are known, come last
         points += [(datum.M_g, datum.rotation_deg) for datum in self.measured]
         loads, turns = np.array(points).T
         return loads, turns
@@ -708,16 +722,17 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """A contact system shared by several draws: a drive with all values except those of its deviations.
+    """A contact system, which draws that differ only in their deviations share.
 
-    number: number of the draw.
+    number: number of the group of draws.
+    drive: drive with the drawn values of all fields.
     maps: error maps at all torques that a draw needs.
-    shares: shares of the probability of each field, including those of the deviations.
-    follows: values that follow from others, by path.
-    figures: stiffness figures by name, if there are reference data on stiffness.
-    tests: torque [N*m] and rotation [deg] at which reference data on F'_ior apply, by figure.
-    density: density with which it was drawn over that of the prior, q of equation (1).
-    going_on: probability with which it was solved further, p of equation (1).
+    shares: quantile level of each field, including the deviations.
+    follows: values of fields that depend on other fields, by path.
+    figures: predicted stiffness values by name; empty without reference data on stiffness.
+    tests: torque [N*m] and rotation [deg] at which reference data on F'_ior apply, by name of the datum.
+    density: density of the system relative to that of the prior, q of equation (1).
+    going_on: probability with which the system was solved further, p of equation (1).
     """
 
     number: int
@@ -733,11 +748,12 @@ class _System:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """F'_ior of a draw [arcsec], with the certificates.
+    """F'_ior of a draw, with the certificates of its states.
 
-    F_ior_arcsec: F'_ior in the present position, shape (torques,).
-    turned_arcsec: F'_ior with the wheel turned, shape (torques, rotations).
-    by_figure: F'_ior of the model for comparison with reference data, by figure.
+    F_ior_arcsec: F'_ior in the present position [arcsec], shape (torques,).
+    turned_arcsec: F'_ior with the wheel turned [arcsec], shape (torques, rotations).
+    by_figure: F'_ior of the model to compare with reference data [arcsec], by name of the datum.
+    proof: certificate of the states, except those with the wheel turned.
     turned_proof: certificate of the states with the wheel turned.
     """
 
@@ -750,11 +766,11 @@ class _Errors:
 
 @dataclass(frozen=True, eq=False)
 class _FurtherSets:
-    """F'_ior of further sets of deviations on a contact system [arcsec], with the certificate.
+    """F'_ior of further sets of deviations on a contact system, with the certificate of its states.
 
-    F_ior_arcsec: F'_ior as mounted, shape (torques, sets).
-    tested_arcsec: reading of each set in the manufacturer's test; None without an accuracy.
-    densities: density of each set over that of the prior.
+    F_ior_arcsec: F'_ior in the present position [arcsec], shape (torques, sets).
+    tested_arcsec: reading of each set in the manufacturer's test [arcsec]; None without an accuracy.
+    densities: density with which each set was drawn, relative to that of the prior.
     """
 
     F_ior_arcsec: Array
@@ -767,9 +783,9 @@ class _FurtherSets:
 class _ChosenSets:
     """Sets of deviations on a contact system chosen by the manufacturer's test, with the certificate of the tests.
 
-    shares: shares of the probability of each field, shape (sets, fields).
-    tested_arcsec: readings of the manufacturer, shape (sets,).
-    densities: density with which each set was chosen over that of the prior, shape (sets,).
+    shares: quantile levels of all fields, shape (sets, fields).
+    tested_arcsec: readings in the manufacturer's test [arcsec], shape (sets,).
+    densities: density with which each set was chosen, relative to that of the prior, shape (sets,).
     """
 
     shares: Array
@@ -778,20 +794,23 @@ class _ChosenSets:
     proof: Certificate
 
     def further(self, sets: _FurtherSets) -> _FurtherSets:
-        """Return the sets after the first, with their readings and densities."""
+        """Return further sets with the readings and densities of the chosen sets after the first.
+
+        sets: F'_ior of the chosen sets after the first.
+        """
         tested_arcsec = tuple(self.tested_arcsec[1:].tolist())
         return replace(sets, tested_arcsec=tested_arcsec, densities=tuple(self.densities[1:].tolist()))
 
 
 def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Array:
-    """Return misfits of variance 1 at points, independent between torques, shape (1, points).
+    """Return random misfits of variance 1 at several points, independent between torques, shape (1, points).
 
     loads, turns_deg: torque [N*m] and rotation [deg] of each point, shape (points,).
     seed: seed of the draw.
     """
     misfits = np.zeros((1, len(turns_deg)))
     for M_g in np.unique(loads):
-        # seeded by the bits of the torque, so that other torques do not change its numbers
+        # the bits of the torque are the seed, so other torques do not change its random numbers
         rng = np.random.default_rng([*seed, int(M_g.view(np.uint64))])
         normals = rng.standard_normal((1, SMOOTH_NUMBERS))
         misfits[:, loads == M_g] = smooth_misfits(turns_deg[loads == M_g], normals)
@@ -799,7 +818,7 @@ def _misfit_normals(loads: Array, turns_deg: Array, seed: Sequence[int]) -> Arra
 
 
 def _as_rows(values: Array) -> tuple[tuple[float, ...], ...]:
-    """Return a two-dimensional array as the tuples of a record."""
+    """Return the rows of a two-dimensional array as tuples."""
     return tuple(map(tuple, values.tolist()))
 
 
@@ -814,23 +833,22 @@ _TESTED_START = 13  # number in the seed for the first position of the accuracy 
 def turn_of_test_deg(drive: Drive, seed: Sequence[int]) -> float:
     """Return the rotation of the fixed wheel at which the manufacturer tested the accuracy of a drive [deg].
 
-    The preset does not state it, so all holes are equally probable. A comparison of the accuracy with the present hole
-    would make this hole seem better than the others.
+    The preset does not state this hole, so all holes are equally probable. If the accuracy were applied to the present
+    hole, this hole would seem better than the others. The rotation is 0 if no hole is better than another.
 
-    drive: the drive; if no hole is better than another, the rotation is 0.
     seed: seed and number of the draw.
     """
     # all rotations give the same F'_ior
     if no_hole_better(drive):
         return 0.0
-    # a manufacturer tests a drive in a random hole
+    # the manufacturer may have tested the drive in any hole
     share = float(np.random.default_rng([*seed, _TESTED_TURN]).random())
     holes = drive.mounting.holes
     return 360 * int(share * holes) / holes if holes else 360 * share
 
 
 def start_of_test(seed: Sequence[int]) -> float:
-    """Return the random start of the manufacturer's test, as a share of the full mesh cycle.
+    """Return the random first position of the manufacturer's test, as a share of the full mesh cycle.
 
     seed: seed and number of the draw.
     """
@@ -843,13 +861,13 @@ def errors_now(
     torques: Sequence[float],
     measured: Sequence[tuple[float, float]] = (),
 ) -> tuple[Array, Array, Certificate]:
-    """Return F'_ior of a drive in its present position and as measured [arcsec], with the certificate.
+    """Return F'_ior of a drive in its present position and at measured points [arcsec], with the certificate.
 
-    The shapes are (torques,) and (measured,).
+    The shapes of the two arrays are (torques,) and (measured,).
 
-    maps: error maps at all torques.
+    maps: error maps at all torques, including those of the measured points.
     drive: the drive.
-    torques: torques [N*m].
+    torques: torques in the present position [N*m].
     measured: torque [N*m] and rotation [deg] of each measured value.
 
     Raises UntrustedError if a state cannot be trusted.
@@ -858,7 +876,7 @@ def errors_now(
     F_ior_of_test: dict[tuple[float, float], float] = {}
     proof = EMPTY
     for error_map in maps:
-        # each position is searched separately, so that its digits do not depend on the others
+        # the present position is searched separately, so its last digits do not depend on the other positions
         tests = [test for test in measured if test[0] == error_map.M_g]
         F_ior = np.nan
         if error_map.M_g in torques or any(turn % 360 == 0 for _, turn in tests):
@@ -883,7 +901,7 @@ def errors_by_turn(
 ) -> tuple[Array, Certificate]:
     """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (torques, rotations), and the certificate.
 
-    maps: error maps at these and other torques.
+    maps: error maps at all torques; maps at other torques are ignored.
     drive: the drive.
     torques: torques [N*m].
     now: F'_ior in the present position at each torque [arcsec].
@@ -914,7 +932,7 @@ def _at_turns(
 ) -> tuple[Array, Certificate]:
     """Return F'_ior of a drive with its fixed wheel turned [arcsec], shape (turns,), and the certificate.
 
-    now: F'_ior in the present position [arcsec], which whole revolutions do not change.
+    now: F'_ior in the present position [arcsec], which also applies after whole revolutions.
     turns_deg: rotations of the fixed wheel [deg].
     """
     F_ior = np.full(len(turns_deg), now)
@@ -935,22 +953,21 @@ def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
     """Return the profile shift of the circular spline at which the teeth of a drive at rest just mesh [modules].
 
     A harmonic drive is made so that its teeth just fill their spaces: radial deflection, clearances and the profile
-    shifts of both wheels are matched, whatever their values are. Without load the flanks are free up to this point, so
-    each micrometre of clearance increases the backlash by the same angle. One result with a large clearance therefore
-    shows where backlash begins.
+    shifts of both wheels are matched to each other. Backlash without load is proportional to the clearance beyond this
+    point. One solution with a large clearance therefore gives the shift at which backlash begins.
 
-    The second result is the certificate. Raises UntrustedError if the drive has no result with backlash.
+    The second result is the certificate. Raises UntrustedError if the drive has no trustworthy solution with backlash.
     """
     gears = drive.gears
     alpha = np.radians(gears.alpha)
     mm_per_shift = gears.m * np.sin(alpha)  # displacement of a flank along its normal per unit of profile shift
     opened_mm = _OPENED * gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
-    # the flanks touch at this shift on the nominal shape of the rim; the elastic drive meshes nearby
+    # at this shift, the flanks touch on the nominal shape of the rim; the elastic drive meshes at a similar shift
     least_gap_mm = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n
     first_shift = drive.number(RIGID_SHIFT) - least_gap_mm / mm_per_shift
     opened_drive = at_rest.with_values({RIGID_SHIFT: first_shift, "gears.j_n": gears.j_n + 1e3 * opened_mm})
-    # closes the backlash on either side
+    # a small torque in each direction brings the flanks of one side into contact
     least_torque = NEAR_ZERO * drive.rated_torque
     contact, tube, proof = Twist(opened_drive).at(np.array([-least_torque, least_torque]))
     backlash_rad = float(np.diff(contact + tube)[0]) / ARCSEC

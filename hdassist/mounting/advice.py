@@ -59,18 +59,19 @@ from hdassist.solve.loadcase import CrossCheck
 _VerificationVerdict = Literal["KEEP", "GO_BACK", "MEASURE_AGAIN"]
 _WORD_AFTER: dict[_VerificationVerdict, Word] = {"KEEP": "LEAVE", "GO_BACK": "TURN", "MEASURE_AGAIN": "BEST_BET"}
 
-_FORESEEN_VALUES = 6  # number of measured values whose gain is predicted before any is measured
+_FORESEEN_VALUES = 6  # number of further values whose gain is predicted before the first value is measured
 _DOUBTED = 0.5  # probability above which a value is considered misread
-# probabilities from which measuring continues: that an unmeasured hole next to the chosen one is better, and that a
-# value which was not repeated is misread
+# Measuring continues if an unmeasured hole next to the chosen one is better with at least the first probability, or if
+# a value that was not repeated is misread with at least the second probability.
 _LIKELY_BETTER = 0.15
 _LIKELY_MISREAD = 0.2
-UNSHOWN_VALUES = 0.95  # probability of curves that no drive of the preset shows from which the preset is doubted
+# probability that no drive of the preset explains the values, above which the preset is doubted
+UNSHOWN_VALUES = 0.95
 
 
 @dataclass(frozen=True)
 class _PredictedValue:
-    """Prediction of a value to be measured [arcsec]: mean, and 2.5 % and 97.5 % quantiles including noise."""
+    """Prediction of a value to be measured: its mean, and its 2.5 % and 97.5 % quantiles with noise [arcsec]."""
 
     mean_arcsec: float
     low_arcsec: float
@@ -83,12 +84,12 @@ class _PredictedValue:
         place: int,
         trial: Trial,
     ) -> _PredictedValue:
-        """Return the prediction of a value of a trial from other values.
+        """Return the prediction of the value of a trial from previously measured values.
 
         Args:
-            posterior: posterior after the other values.
+            posterior: posterior given the previous values; it must contain the torque of the trial.
             place: index of the trial's position among those of the posterior.
-            trial: trial that gives the noise and the torque, which the posterior must contain.
+            trial: trial with the torque and the noise of the predicted value.
         """
         samples = posterior.samples
         M_g = samples.setup.point(trial)[1]
@@ -105,11 +106,12 @@ class _PredictedValue:
 
 @dataclass(frozen=True)
 class Verification:
-    """A value measured after an advice, in the present hole of the wheel, with its prediction [arcsec].
+    """A value measured in the present hole of the wheel after an advice, compared with its prediction.
 
-    mean_arcsec: mean of the prediction from the previous values.
-    low_arcsec, high_arcsec: 2.5 % and 97.5 % quantiles of the prediction.
-    back_to: value in whose hole the wheel is expected to be better, None if the wheel stays.
+    trial: the measured value.
+    mean_arcsec: mean of the prediction from the previous values [arcsec].
+    low_arcsec, high_arcsec: 2.5 % and 97.5 % quantiles of the prediction [arcsec].
+    back_to: value measured in the hole to which the wheel should go back; None if the wheel stays.
     is_misread: whether the value itself is probably misread.
     """
 
@@ -122,19 +124,19 @@ class Verification:
 
     @property
     def as_predicted(self) -> bool:
-        """Whether the value lies between the quantiles."""
+        """Whether the value lies between the two quantiles of its prediction."""
         return self.low_arcsec <= self.trial.F_ior_arcsec <= self.high_arcsec
 
     @property
     def verdict(self) -> _VerificationVerdict:
-        """Instruction for the wheel, which must not be moved because of a misread value."""
+        """Instruction for the wheel: go back to another hole, measure a probably misread value again, or stay."""
         if self.back_to:
             return "GO_BACK"
         return "MEASURE_AGAIN" if self.is_misread else "KEEP"
 
     @property
     def goal(self) -> Trial:
-        """Value in whose hole the wheel should be."""
+        """Value measured in the hole in which the wheel should be."""
         return self.back_to or self.trial
 
 
@@ -144,20 +146,20 @@ class Advice:
 
     decision: decision over samples of all unknown inputs.
     setup: conditions of measurements in holes.
-    curve: F'_ior over the positions for the preset with unknown deviations as 0; None after measurements in holes.
-    samples: samples of the uncertain inputs, by the preset.
-    trials: measured values.
-    after: samples after the measured values.
+    curve: F'_ior over the positions for the preset with unknown deviations set to 0; None after measurements in holes.
+    samples: samples of the uncertain inputs of the preset; None after measurements in holes or without samples.
+    trials: values measured in holes.
+    after: posterior given the measured values; None if there are none.
     value: gain expected from further values.
-    likelier_torque: torque at which the values are far more probable than at that of the setup [N*m].
+    likelier_torque: torque at which the values are far more probable than at the stated one [N*m]; None without one.
     measured: measured wheels that replace first harmonics.
     unknown: unknown deviations.
     open_: paths of the fields that are not known exactly.
     sure: probability from which a choice is an instruction.
     worth: gain below which measuring stops, as a share of F'_ior.
-    compensated: description of a stored correction, and the decision by its residual.
-    verification: verification of a choice.
-    fault: reason why nothing could be sampled.
+    compensated: description of a stored correction, and the decision based on the residual error after it.
+    verification: comparison of the outcome with its prediction; None without an outcome.
+    fault: reason why the inputs could not be sampled; empty if there is none.
     more_certificate: certificate of further states, such as those of the self error.
     """
 
@@ -194,12 +196,12 @@ class Advice:
 
     @property
     def names_hole(self) -> bool:
-        """Whether the choice is a single hole, which ANY_HOLE is not."""
+        """Whether the advice names a single hole, so that its word is not ANY_HOLE."""
         return self.word != "ANY_HOLE"
 
     @property
     def no_hole_better(self) -> str:
-        """Reason why all holes are equally good, as in model.deviations; empty if one may be better."""
+        """Reason of model.deviations why all holes are equally good; empty if a hole may be better than another."""
         reason = "" if self.trials else no_hole_better(self.drive)
         return "" if reason == "turning" and self.measured and self.measured.fixed(self.drive) else reason
 
@@ -211,7 +213,7 @@ class Advice:
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
-        """Checks of states by another solver."""
+        """Comparisons of states of the curve with a second solver."""
         return tuple(self.curve.cross_checks) if self.curve else ()
 
     def position(self, place: int | None) -> Position:
@@ -233,7 +235,7 @@ class Advice:
         )
 
     def _position_at(self, rotation_deg: float) -> Position:
-        """Return a position, without F'_ior if it is not one of the usable holes."""
+        """Return the position at a rotation; it has no F'_ior if it is not one of the positions of the decision."""
         place = self.decision.place(rotation_deg)
         if place is not None:
             return self.position(place)
@@ -248,7 +250,7 @@ class Advice:
 
     @cached_property
     def current(self) -> Position:
-        """Present position of the wheel, or its position before the first trial."""
+        """Position of the wheel if it is not moved; after trials, its position before the first trial."""
         return self.position(self.decision.stay)
 
     @cached_property
@@ -263,14 +265,14 @@ class Advice:
 
     @property
     def order(self) -> Literal["turn", "leave"]:
-        """Whether the wheel must be moved: from hole 0, or after an outcome from the hole of the outcome."""
+        """Whether the wheel must be moved from hole 0 or, after an outcome, from the hole of the outcome."""
         if self.verification:
             return "turn" if self.verification.back_to else "leave"
         return "turn" if self.turn else "leave"
 
     @cached_property
     def ranked(self) -> tuple[Position, ...]:
-        """The usable positions, best first."""
+        """The usable positions in order of the decision, the best one first."""
         return tuple(map(self.position, self.decision.ranked))
 
     @property
@@ -285,7 +287,7 @@ class Advice:
 
     @property
     def gain_range(self) -> tuple[float, float, float]:
-        """5th percentile, median and 95th percentile of the reduction of F'_ior by the choice, as a share."""
+        """5th percentile, median and 95th percentile of the relative reduction of F'_ior in the chosen hole."""
         return self.decision.range_of(self.decision.gains(self.decision.best))
 
     @property
@@ -295,14 +297,14 @@ class Advice:
 
     @property
     def to_try(self) -> tuple[Position, ...]:
-        """Three usable positions, as far apart as possible, to measure first."""
+        """Three usable positions to measure first, which are as far apart as possible."""
         return tuple(self.position(self.decision.place(turn)) for turn in _thirds(self.decision.rotations_deg))
 
     @property
     def next(self) -> Position | None:
-        """The position to measure next; None if further values do not pay off, or if an outcome ends the trials.
+        """The position to measure next; None if the expected gain is too small, or if an outcome ends the trials.
 
-        A value that is probably misread is measured again first.
+        A value that is probably misread is repeated before other positions are measured.
         """
         if self.verification and self.verification.verdict != "MEASURE_AGAIN":
             return None
@@ -318,7 +320,10 @@ class Advice:
         return self.position(self.decision.place(value.rotation_deg))
 
     def _next_before_stop(self) -> Position | None:
-        """Return the position of a doubtful value or a likely better neighbour, to measure in spite of a small gain."""
+        """Return the position to measure although the gain is small: a doubtful value or a likely better neighbour.
+
+        The result is None if there is neither.
+        """
         if self.doubtful:
             doubtful_trial, _ = self.doubtful
             return self._position_at(doubtful_trial.rotation_deg)
@@ -329,7 +334,10 @@ class Advice:
 
     @cached_property
     def doubtful(self) -> tuple[Trial, float] | None:
-        """The value most probably misread, with its probability; None if that is small or the value was repeated."""
+        """The value that is most probably misread, and the probability that it is.
+
+        The result is None if the probability is small or if the value was repeated.
+        """
         if not self.after:
             return None
         probabilities = self.after.misread
@@ -346,10 +354,10 @@ class Advice:
 
     @cached_property
     def likely_neighbour(self) -> tuple[int, float] | None:
-        """Index of an unmeasured hole next to the chosen one that is probably better, and the probability.
+        """Index of an unmeasured hole next to the chosen one that may well be better, and its probability of that.
 
-        A hole counts as better only if it is better by the gain that further values must have.
-        The result is None if there is no such hole.
+        A hole counts as better only if its F'_ior is lower by more than the share `worth`.
+        The result is None if the probability is below _LIKELY_BETTER for both neighbours.
         """
         decision = self.decision
         rotations = decision.rotations_deg
@@ -380,7 +388,10 @@ class Advice:
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The value that is probably misread and was not repeated; None if there is none."""
+        """The probably misread value to measure again; None if there is none.
+
+        A value that was already repeated is not measured again, unless it is the outcome.
+        """
         doubted = self.suspected
         if not doubted:
             return None
@@ -389,14 +400,17 @@ class Advice:
 
     @property
     def outcome_torque(self) -> float:
-        """Torque at which the outcome is measured [N*m]: that of the setup if the posterior contains it."""
+        """Torque at which the outcome is measured [N*m].
+
+        It is the torque of the setup, or the reference torque of the samples if the posterior lacks that torque.
+        """
         if self.after and self.setup.M_g not in self.after.F_ior_by_torque:
             return self.after.samples.setup.M_g
         return self.setup.M_g
 
     @property
     def predicted_outcome(self) -> _PredictedValue | None:
-        """Prediction of the outcome in the chosen hole, as used for its verification; None without values."""
+        """Prediction of the outcome in the chosen hole; None without values measured in holes."""
         if not self.after:
             return None
         trial = Trial(
@@ -409,7 +423,7 @@ class Advice:
 
     @property
     def worths(self) -> tuple[tuple[int, float], ...]:
-        """Numbers of measured values, and the F'_ior expected in the hole chosen after them [arcsec]."""
+        """Pairs of a number of measured values and the F'_ior expected in the hole chosen after them [arcsec]."""
         if not self.value:
             return ()
         steps = (0, 3, 4, 5, 6) if not self.values else (0, 1, 3)
@@ -422,12 +436,12 @@ class Advice:
 
     @property
     def torques_of_values(self) -> tuple[float, ...]:
-        """Torques of the measured values [N*m]; that of the setup if there are none."""
+        """Torques of the measured values [N*m], without repetition; the torque of the setup if there are no values."""
         return tuple(dict.fromkeys(map(self.torque_of, self.trials))) or (self.setup.M_g,)
 
     @property
     def suspected(self) -> Trial | None:
-        """The most probably misread value, if a misread value is more probable than none."""
+        """The most probably misread value; None unless the probability that any value is misread exceeds _DOUBTED."""
         misread = self.after.misread if self.after else np.zeros(0)
         return self.trials[int(np.argmax(misread))] if misread.sum() > _DOUBTED else None
 
@@ -435,8 +449,8 @@ class Advice:
     def contradicted(self) -> tuple[str, float, float] | None:
         """Contradiction between the values and the stated direction of the stationary eccentricity; None without one.
 
-        It consists of the path of the direction, and of the direction from the values with its standard deviation
-        [deg].
+        The result is the path of the direction, and the direction determined from the values with its standard
+        deviation [deg].
         """
         path = standing_offset(self.drive)[1]
         stated = self.drive.value(path)
@@ -448,7 +462,10 @@ class Advice:
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Contributions of fields to the variance of the log ratio of F'_ior in the best other and the present hole."""
+        """Contributions of fields to the variance of the log ratio of F'_ior between the best other hole and this one.
+
+        There are none without samples or without another hole.
+        """
         decision = replace(self.decision, room_arcsec=())
         if self.samples is None or (place := decision.challenger) is None:
             return ()
@@ -491,16 +508,16 @@ def advise(
 
     Args:
         drive: the drive.
-        rotations_deg: positions of the curve [deg], starting with 0, the present position.
+        rotations_deg: positions of the curve [deg]; the first is 0, the present position.
         measured: measured wheels that replace harmonics; their deviations are not sampled.
         setup: conditions of measurements in holes.
-        draws: smallest effective sample size of uncertain inputs, 0 for no samples.
+        draws: smallest effective sample size of uncertain inputs; 0 for no samples.
         sure: probability from which the choice is an instruction.
-        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        cost: smallest relative reduction of F'_ior for which the wheel is moved.
         worth: gain below which measuring stops, as a share of F'_ior.
         run: processes, progress and seed.
 
-    Raises UsageError for invalid positions, UntrustedError if a result cannot be trusted.
+    Raises UsageError for invalid positions, and UntrustedError if a result cannot be trusted.
     """
     setup = setup or TrialSetup(min(drive.operation.M_g, key=abs))
     prediction = _Prediction.of(
@@ -512,7 +529,7 @@ def advise(
         sure=sure,
         run=run,
     )
-    # with tables, more samples agree with measured values
+    # the tables of advise_after give more samples that agree with measured values
     if prediction.has_few_samples and measured_errors(drive):
         by_values = advise_after(
             drive,
@@ -539,7 +556,7 @@ def advise(
 
 @dataclass(frozen=True, eq=False)
 class _Prediction:
-    """Predicted F'_ior of a drive in its holes: of the nominal drive, and of samples of the uncertain inputs."""
+    """Predicted F'_ior in the holes, for the nominal drive and for samples of its uncertain inputs."""
 
     drive: Drive
     measured: MeasuredTeeth | None
@@ -570,8 +587,8 @@ class _Prediction:
             drive: the drive.
             rotations_deg: positions of the curve [deg], starting with 0.
             measured: measured wheels that replace harmonics.
-            trial_M_g: torque of measurements in holes [N*m], which need not affect the decision.
-            draws: smallest effective sample size, 0 for no samples.
+            trial_M_g: torque of measurements in holes [N*m]; it may differ from the torques of the decision.
+            draws: smallest effective sample size; 0 for no samples.
             sure: probability from which a choice is an instruction.
             run: processes, progress and seed.
         """
@@ -616,7 +633,7 @@ class _Prediction:
 
     @property
     def samples(self) -> Samples | None:
-        """The samples of the uncertain inputs, None without any."""
+        """The samples of the uncertain inputs; None if there are none."""
         return self.drawn.samples if self.drawn else None
 
     @property
@@ -626,7 +643,7 @@ class _Prediction:
 
     @property
     def superseded_certificate(self) -> Certificate:
-        """Certificate of the curve and the samples, for an advice that replaces theirs."""
+        """Certificate of the curve and the samples, to be added to the advice that supersedes this prediction."""
         certificate = self.curve.certificate
         if self.drawn:
             certificate += self.drawn.certificate
@@ -635,7 +652,7 @@ class _Prediction:
         return certificate
 
     def decisions(self, sure: float) -> _PresetDecisions:
-        """Return the decisions by the samples, or by the curve of the nominal drive if there are none.
+        """Return the decisions based on the samples, or on the curve of the nominal drive if there are no samples.
 
         sure: probability from which a choice is an instruction.
         """
@@ -655,7 +672,7 @@ class _Prediction:
         sure: float,
         worth: float,
     ) -> Advice:
-        """Return the advice of a decision, after the cross-checks of the curve are finished.
+        """Return the advice with a decision, after waiting for the cross-checks of the curve.
 
         Args:
             decision: decision at the torques of the drive.
@@ -689,10 +706,10 @@ class _PresetDecisions:
     of_all_torques: Decision  # at all torques of the samples, including that of the setup
 
     def with_rules(self, cost: float, all_alike: bool) -> _PresetDecisions:
-        """Return the same decisions with the rules for a turn.
+        """Return the same decisions with the rules on moving the wheel.
 
-        cost: smallest reduction of F'_ior that pays for a turn, as a share.
-        all_alike: whether no hole can be better than another.
+        cost: smallest relative reduction of F'_ior for which the wheel is moved.
+        all_alike: whether all holes are equally good.
         """
         return _PresetDecisions(
             deciding=replace(self.deciding, cost=cost, all_alike=all_alike),
@@ -706,7 +723,7 @@ def _with_first_value(
     torques: tuple[float, ...],
     seed: int,
 ) -> Advice:
-    """Return the advice with its decision and with the gain expected from measuring further values, before any trial.
+    """Return the advice before any trial, with its decision and the gain expected from measuring values.
 
     Args:
         advice: advice from the preset, whose own measured values are already taken into account.
@@ -718,7 +735,7 @@ def _with_first_value(
     if not advice.samples or advice.no_hole_better:
         return advice
     count = len(measured_errors(advice.drive))
-    # without measured values, as_measured adds the model error to the samples
+    # samples that no measured values have weighted lack the model error, which as_measured adds
     simulated = decisions.of_all_torques if count else as_measured(decisions.of_all_torques, seed=seed)
     F_ior_at_setup = simulated.F_ior_arcsec[torques.index(advice.setup.M_g)]
     deciding = simulated.of_torques(slice(len(advice.torques)))
@@ -736,7 +753,7 @@ class _Drawn:
 
 
 def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **options: Any) -> _Drawn:
-    """Draw samples of a prior with the options of drive_samples; missing samples do not prevent an advice."""
+    """Draw samples of a prior with the options of drive_samples, or return the reason why there are none."""
     try:
         samples = drive_samples(prior, room_arcsec, **options)
     except UntrustedError as refusal:
@@ -782,14 +799,14 @@ def advise_after(
         setup: conditions of the measurements.
         outcome: last value, measured after an advice from the previous values.
         draws: smallest effective sample size of uncertain inputs.
-        samples: samples of the drive, if they already exist.
+        samples: samples of the drive in its holes; None to draw them.
         sure: probability from which the choice is an instruction.
-        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        cost: smallest relative reduction of F'_ior for which the wheel is moved.
         worth: gain below which measuring stops, as a share of F'_ior.
-        other_torques: torques [N*m] at which values inconsistent with the drive may have been measured.
+        other_torques: torques [N*m] at which the values may have been measured by mistake.
         run: processes, progress and seed.
 
-    Raises UsageError without any value, and the errors of hole_samples.
+    Raises UsageError if there are no values before the outcome, and the errors of hole_samples.
     """
     all_trials = _all_trials(drive, trials, outcome, setup)
     by_values = _PosteriorOfTrials.of(
@@ -833,7 +850,7 @@ def _all_trials(
     outcome: Trial | None,
     setup: TrialSetup,
 ) -> tuple[Trial, ...]:
-    """Return the values of a preset and those of a call in order, with the outcome last.
+    """Return the values of a preset together with further trials, sorted by in_order, and then the outcome.
 
     Raises UsageError if there is no value other than the outcome.
     """
@@ -854,7 +871,7 @@ class _LikelierTorque:
 
 @dataclass(frozen=True, eq=False)
 class _PosteriorOfTrials:
-    """Samples of a drive in its holes, reweighted by measured values."""
+    """Measured values, and samples of a drive in its holes before and after they are reweighted by these values."""
 
     trials: tuple[Trial, ...]  # the values as entered
     values: list[Trial]  # the same values, each with its torque
@@ -873,13 +890,13 @@ class _PosteriorOfTrials:
         draws: int,
         run: Run,
     ) -> _PosteriorOfTrials:
-        """Return the samples of a drive after measured values, which are drawn here unless they are passed.
+        """Return the posterior of a drive given measured values; its samples are drawn if they are not passed.
 
         Args:
             drive: drive that is sampled at its torques and at those of the values.
             trials: all values in order.
             setup: conditions of the measurements.
-            samples: samples of the drive in its holes, if they already exist.
+            samples: samples of the drive in its holes; None to draw them.
             draws: smallest effective sample size.
             run: processes, progress and seed.
         """
@@ -895,7 +912,7 @@ class _PosteriorOfTrials:
                 draws=draws,
                 run=run,
             )
-        # the wheel is at 0 deg before the first trial, which need not be a hole, and the gain refers to this position
+        # the gain refers to the position before the first trial, which is 0 deg and need not be a usable hole
         positions = [*_positions_with_trials(drive, trials), 0.0]
         after = posterior_of(samples.with_free_curves(values), values, positions)
         return cls(
@@ -927,9 +944,9 @@ class _PosteriorOfTrials:
         draws: int,
         run: Run,
     ) -> _LikelierTorque:
-        """Return a torque at which the values are far more probable, because the stated torque may be wrong.
+        """Return a torque at which the values are far more probable than at the stated one, which may be wrong.
 
-        The torque is doubted only if the drive hardly shows the values or if one is probably misread.
+        The stated torque is doubted only if the drive hardly explains the values or if a value is probably misread.
 
         Args:
             drive: the drive.
@@ -942,7 +959,7 @@ class _PosteriorOfTrials:
             return _LikelierTorque(M_g=None, certificate=EMPTY)
         likelier_M_g = likelier_torque(self.samples, self.values)
         untried = sorted({*other_torques} - {*self.samples.F_ior_by_torque})
-        # a misread value is a sufficient explanation, so new torques are solved only for values that no drive shows
+        # a misread value explains itself, so further torques are solved only if no drive explains the values
         if likelier_M_g or not untried or not is_unshown:
             return _LikelierTorque(M_g=likelier_M_g, certificate=EMPTY)
         untried_samples = hole_samples(
@@ -958,14 +975,14 @@ class _PosteriorOfTrials:
 
 
 def _with_outcome(advice: Advice, by_values: _PosteriorOfTrials) -> Advice:
-    """Return the advice with its last value verified and with the hole to which this outcome leads as its decision."""
+    """Return the advice with its last value, the outcome, verified, and with the hole that follows from it."""
     verification = _verified(advice, by_values.values, by_values.samples)
     settled = replace(advice.decision, settled_deg=verification.goal.rotation_deg)
     return replace(advice, decision=settled, verification=verification)
 
 
 def _positions_with_trials(drive: Drive, trials: Sequence[Trial]) -> list[float]:
-    """Return the usable positions of the fixed wheel [deg], including those of the values if its angle is free."""
+    """Return the usable positions of the fixed wheel [deg]; without holes, the positions of the values are added."""
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if drive.mounting.holes:
         return positions
@@ -980,11 +997,13 @@ def _value(
     count: int,
     seed: int,
 ) -> MeasurementValue | None:
-    """Return the gain expected from further values; None for a seat with one hole.
+    """Return the gain expected from further values; None if there is only one position.
 
-    measurable: F'_ior in the holes by the torque of a value.
-    noise: standard deviation of a value [arcsec], shape (samples,); None for that of the setup.
-    count: number of existing values.
+    decision: decision before the further values.
+    measurable: F'_ior in the holes [arcsec], shape (samples, holes), by the torque of a further value [N*m].
+    noise: standard deviation of a further value [arcsec], shape (samples,); None for the noise of the setup.
+    setup: conditions of the measurements.
+    count: number of values measured so far.
     seed: seed of the simulation.
     """
     if len(decision.rotations_deg) < 2:
@@ -1008,12 +1027,11 @@ def _verified(
 ) -> Verification:
     """Return the outcome of an advice with its prediction, and the hole in which the wheel should be.
 
-    The wheel goes back to the measured hole with the smallest expected loss, which takes the outcome into account. It
-    stays if the hole of the outcome is as good, or if it is expected to be as good because the outcome is probably
-    misread. An outcome that is neither as predicted nor misread makes the prediction doubtful, and the measured values
-    decide.
+    The wheel goes back to the measured hole with the smallest expected loss, given all values. It stays if the loss in
+    the hole of the outcome is not larger by more than the cost of moving it. If the outcome is neither as predicted nor
+    probably misread, the prediction is doubtful, and the measured values are compared instead of the expected losses.
 
-    advice: advice by all values, with the outcome as the last one.
+    advice: advice given all values, of which the outcome is the last.
     values: the same values with their torques, shape (trials,).
     samples: samples of the drive.
     """
@@ -1031,7 +1049,7 @@ def _verified(
     )
 
     def loss(trial: Trial) -> float:
-        """Return the loss in the hole of a value, as a share; infinite if the hole may not be used."""
+        """Return the relative loss in the hole of a value; infinite if the hole is not usable or not comparable."""
         place = decision.place(trial.rotation_deg)
         if place is None:
             return np.inf
@@ -1051,7 +1069,7 @@ def _of_preset(
     setup: TrialSetup,
     given: Sequence[Trial | None],
 ) -> list[Trial]:
-    """Return the measured values of the preset, except those that are given again."""
+    """Return the measured values of the preset, except those that are also in given."""
     known_values = {(*setup.point(trial), trial.F_ior_arcsec) for trial in given if trial}
     return [
         Trial(e.rotation_deg, e.value, M_g=e.M_g, noise_arcsec=e.spread)
@@ -1061,7 +1079,7 @@ def _of_preset(
 
 
 def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:
-    """Return three rotations [deg] that are as far apart as possible."""
+    """Return the rotations nearest to 0, 120 and 240 degrees, without repetition [deg]."""
     nearest_deg = [
         min(rotations_deg, key=lambda p: abs((p - third_deg + 180) % 360 - 180)) for third_deg in (0.0, 120.0, 240.0)
     ]

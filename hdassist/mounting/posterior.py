@@ -1,15 +1,15 @@
 """F'_ior measured in holes: values and recordings as entered, and samples of the drive that they reweight.
 
-Values may be measured at several torques. The scale is the same at all torques; the misfit differs, with the same
-relative size.
+Values may be measured at several torques. The scale of the model error is the same at all torques. The misfits at
+different torques are independent, with the same relative size.
 
-Stiffnesses, clearances and the radial deflection are sampled as in `check`, by the reference data on stiffness. For
-each of these samples, a table gives F'_ior of many samples of the deviations (belief/proposals.py), with the stationary
-deviations in all directions. The samples also include smooth curves over the holes that no drive produced. They decide
-if no drive shows the values.
+Stiffnesses, clearances and the radial deflection are sampled as in `check`, with weights by the reference data on
+stiffness. For each of these samples, a table gives F'_ior of many samples of the deviations (belief/proposals.py), with
+the stationary deviations in all directions. Smooth curves over the holes, which no drive produced, are added to the
+samples. They dominate the result if no sampled drive agrees with the values.
 
 Given a sample, all distributions are normal: a scale, a smooth misfit and noise relate the drive to the sample
-(belief/evidence.py). The values determine the weights of misfit and noise. Any one value may be misread.
+(belief/evidence.py). The values determine the posterior of the sizes of misfit and noise. At most one value is misread.
 """
 
 from __future__ import annotations
@@ -71,10 +71,12 @@ TRIAL_HINT = "use h4=17.3 (hole) or 120=17.3 (degrees), F'_ior in arcsec, or h4=
 
 @dataclass(frozen=True)
 class Trial:
-    """F'_ior measured with the fixed wheel turned by rotation_deg from its initial position [arcsec].
+    """A value of F'_ior, measured with the fixed wheel turned from its initial position.
 
-    M_g: torque [N*m]; None for that of the setup.
-    noise_arcsec: standard deviation of this value; None for that of the setup.
+    rotation_deg: rotation of the fixed wheel [deg].
+    F_ior_arcsec: the measured value [arcsec].
+    M_g: torque [N*m]; None for the torque of the setup.
+    noise_arcsec: standard deviation of the value [arcsec]; None for the noise of the setup.
     file: recording that gives this value; empty if the value itself was entered.
     """
 
@@ -96,9 +98,10 @@ def read_trial(
 ) -> Trial:
     """Parse a trial: 120=17.3 (degrees), h4=17.3 (a hole of the seat) or h4@80=17.3 (with a torque in N*m).
 
-    A decimal comma is accepted, as in all values of the command line, because the Russian card prints 17,3.
+    A decimal comma is accepted, because the Russian card prints 17,3.
 
-    allowed: hole numbers that may be used.
+    holes: number of holes of the seat; 0 for a free angle.
+    allowed: numbers of the usable holes, or "all".
 
     Raises UsageError for any other text.
     """
@@ -117,9 +120,12 @@ def _read_trial_position(
     holes: int,
     allowed: Sequence[int] | str = "all",
 ) -> tuple[float, float | None]:
-    """Return the rotation [deg] and torque [N*m] of the position in a trial's text; the torque is None without @80.
+    """Return the rotation [deg] and torque [N*m] in a trial's text; the torque is None if the text has no @TORQUE.
 
-    Raises UsageError for any other text.
+    name: part of the text before the equals sign.
+    text: whole text, for error messages.
+
+    Raises UsageError if the position or the torque is invalid.
     """
     where, separator, torque = name.partition("@")
     M_g = number_of(with_decimal_points(torque)) if separator else None
@@ -148,16 +154,17 @@ def read_trial_or_record(
     seed: int = 0,
     allowed: Sequence[int] | str = "all",
 ) -> Trial:
-    """Parse h4=17.3 as read_trial does, or h4=run.csv, a recording of the drive's error over its full cycle.
+    """Parse a trial with a value (h4=17.3), or with a recording of the error over the full mesh cycle (h4=run.csv).
 
-    A file is recognised by a suffix or folder in its name, or by its existence if its name is not a number.
+    The text after the equals sign is a file name if it contains a suffix or folder, or if it is not a number and the
+    file exists.
 
     reading: settings for reading a recording.
-    M_g: torque if the text has none [N*m].
+    M_g: torque of a recording if the text states none [N*m].
     seed: seed of the bootstrap.
 
-    Raises the errors of read_trial, read_trace and measure, and UntrustedError for a recording of less than the full
-    cycle.
+    Raises the errors of read_trial, read_trace and measure, and UntrustedError if a recording does not cover the full
+    mesh cycle.
     """
     where, _, file = text.partition("=")
     is_number = not isnan(number_of(with_decimal_points(file)))
@@ -170,7 +177,8 @@ def read_trial_or_record(
         seed=seed,
         M_g=M_g if own_torque is None else own_torque,
     )
-    greatest = with_full_cycle(record).directions[0]  # value and uncertainty as in the result of measure
+    # `measure` prints the same value and uncertainty
+    greatest = with_full_cycle(record).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
@@ -192,27 +200,28 @@ def read_trial_or_record(
 _Places = NDArray[np.int64]
 Point = tuple[float, float]  # position of the wheel [deg] and torque [N*m]
 
-_WIDEST_SIZE = 2.0  # largest size without an uncertainty, over that of the preset
-# standard deviation of the logarithm of noise over stated noise, which is within a factor of three with 95 %
+_WIDEST_SIZE = 2.0  # largest size of a deviation without an uncertainty, relative to the preset
+# standard deviation of the logarithm of the ratio of true to stated noise, which is within a factor of three with a
+# probability of 95 %
 _NOISE_SPREAD = 0.56
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / _NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 _POSTERIOR_DRAWS = 2048
-_FAR_LIKELIER = 100.0  # ratio of probabilities from which another torque is considered that of the values
-SAMPLES_A_TABLE = 2  # requested effective samples per system with a table
-_DRAWS_A_TABLE = 64  # largest number of draws of systems per required table
-_COMPARED = 16  # number of drives compared with the table of one system to measure its error
-_FREE_SHARE = 0.25  # prior probability that the values are from a smooth curve which no drive of the preset shows
-_PHASOR_SHARE = 0.25  # prior probability that the values are from the sum of two phasors
-# number of curves of each of the two families, and number of orders of the smooth ones
-_FREE_CURVES = 1024
-_FREE_ORDERS = 4
+_FAR_LIKELIER = 100.0  # ratio of probabilities above which the values are assigned to another torque
+SAMPLES_A_TABLE = 2  # effective sample size per contact system with a table
+_DRAWS_A_TABLE = 64  # largest number of draws of contact systems per required table
+_COMPARED = 16  # number of drives solved to estimate the error of a table, if there is only one table
+_FREE_SHARE = 0.25  # prior probability that the values belong to a smooth curve that no drive of the preset produces
+_PHASOR_SHARE = 0.25  # prior probability that the values belong to a curve that is the sum of two phasors
+_FREE_CURVES = 1024  # number of curves of each of these two kinds
+_FREE_ORDERS = 4  # number of orders of a smooth curve
 _FREE_CURVE_ORDERS = np.arange(1, _FREE_ORDERS + 1)
 # indices of constant, cosine and sine of order 1 among the numbers of a smooth curve
 _PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]
-# smallest square, over the mean square of values: F'_ior of two opposite phasors is at least a hundredth
+# smallest square of a curve of two phasors, relative to the mean square of the values: two opposite phasors still leave
+# a hundredth of F'_ior
 _LEAST_SQUARE = 1e-4
-_FREE_LEVEL = 1.0  # standard deviation of the logarithm of their level
-# share of a value within which curves are sampled with equal density, even for very small stated noise
+_FREE_LEVEL = 1.0  # standard deviation of the logarithm of the level of both kinds of curves
+# relative standard deviation added to the noise of the values, so that curves are not sampled too near very exact values
 _FREE_NEAR = 0.01
 _STATED_SHARE = 0.5  # prior probability that the stationary eccentricity is as stated in the preset
 _OPEN = 40.0  # deg; standard deviation above which a direction is considered unknown
@@ -220,7 +229,7 @@ _OPEN = 40.0  # deg; standard deviation above which a direction is considered un
 
 @dataclass(frozen=True)
 class TrialSetup:
-    """Conditions of measurements of F'_ior in holes, unless a value has its own.
+    """Conditions of measurements of F'_ior in holes, which apply to values that do not state their own.
 
     M_g: torque [N*m].
     noise_arcsec: standard deviation of a value, including reinstallation of the wheel.
@@ -247,7 +256,10 @@ class TrialSetup:
 
 
 def in_order(trials: Sequence[Trial], setup: TrialSetup) -> tuple[Trial, ...]:
-    """Return measured values sorted by position, torque, value and noise, which sums and random numbers depend on."""
+    """Return measured values sorted by position, torque, value and noise, so that results do not depend on their order.
+
+    setup: torque and noise of values that do not state their own.
+    """
 
     def place(trial: Trial) -> tuple[float, float, float, float]:
         noise_arcsec = setup.noise_arcsec if trial.noise_arcsec is None else trial.noise_arcsec
@@ -257,21 +269,22 @@ def in_order(trials: Sequence[Trial], setup: TrialSetup) -> tuple[Trial, ...]:
 
 
 def _is_torque(M_g: float) -> bool:
-    """Return whether a torque [N*m] is valid for measurements; squares of larger ones would overflow."""
+    """Return whether a torque [N*m] is valid for measurements: not 0 and at most 1e7."""
     return 0 < abs(M_g) <= 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class HoleSamples:
-    """Samples of a drive, and F'_ior with stationary deviations turned in steps.
+    """Samples of a drive, with F'_ior for stationary deviations turned in equal steps of direction.
 
+    setup: conditions of the measurements; its torque is the reference torque.
     F_ior_by_torque: F'_ior [arcsec] by torque M_g [N*m], shape (samples, directions) each.
     weight: weights with sum 1, shape (samples, directions).
-    values: size and direction of the stationary eccentricity by field, shape (samples, directions), NaN for curves that
-        no drive produced.
-    read_error: relative standard deviation of F'_ior from tables.
+    values: size and direction of the stationary eccentricity by path, shape (samples, directions) each; NaN for curves
+        that no drive produced.
+    read_error: relative standard deviation of the error of F'_ior from tables.
     seed: seed of the samples.
-    few: remark on the effective sample size if it is smaller than requested.
+    few: remark if the effective sample size is smaller than requested; empty if it is not.
     draws: requested effective sample size.
     """
 
@@ -288,12 +301,12 @@ class HoleSamples:
 
     @property
     def F_ior_arcsec(self) -> Array:
-        """F'_ior at the torque of the setup with the wheel at 0 [arcsec], shape (samples, directions)."""
+        """F'_ior at the torque of the setup with the wheel not turned [arcsec], shape (samples, directions)."""
         return self.F_ior_by_torque[self.setup.M_g]
 
     @cached_property
     def levels(self) -> dict[float, float]:
-        """Median of F'_ior relative to that at the torque of the setup, over samples and directions, by M_g [N*m]."""
+        """Median ratio of F'_ior to that at the torque of the setup, over samples and directions, by torque [N*m]."""
         return {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
 
     @property
@@ -302,7 +315,9 @@ class HoleSamples:
         return np.flatnonzero(self.weight)
 
     def at(self, points: Sequence[Point], places: _Places) -> Array:
-        """Return F'_ior at torques with the wheel turned [arcsec], shape (places, points).
+        """Return F'_ior of selected samples at several torques and rotations of the wheel [arcsec].
+
+        The shape is (places, points).
 
         A rotation of the wheel is equivalent to the opposite rotation of the directions.
 
@@ -313,7 +328,7 @@ class HoleSamples:
         return np.hstack([np.empty((len(places), 0)), *shown])
 
     def predicted(self, trial: Trial) -> MeasuredBeside:
-        """Return a measured value with the range that the preset predicts without measured values."""
+        """Return a measured value with the range that the preset predicts for it without measured values."""
         rotation_deg, M_g = self.setup.point(trial)
         is_drive = ~np.isnan(self.values[standing_offset(self.drive)[0]].ravel()[self.possible])
         places = self.possible[is_drive]
@@ -325,7 +340,7 @@ class HoleSamples:
         )
 
     def correlation(self, points: Sequence[Point]) -> Array:
-        """Return the covariance of the misfit between points, over its variance at the torque of the setup.
+        """Return the covariance of the misfit between points, divided by its variance at the torque of the setup.
 
         The misfits at different torques are independent, with the same relative size. The shape is (points, points).
         """
@@ -347,11 +362,12 @@ class HoleSamples:
         return np.array(noise_arcsec, dtype=float)
 
     def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Return the samples together with curves over the seat that no drive produced: Trials 5 in docs/theory.md.
+        """Return the samples together with curves over the seat that no drive produced.
 
-        Their level is lognormal with the median of the samples. Smooth curves have normal waves of the same size as
-        those of the samples, because another drive is equally smooth. Other curves are the sum of two phasors. The
-        curves are sampled near the values, with weights that correct for this.
+        The section "Trials 5" in docs/theory.md derives them. The level of the curves is lognormal with the median of
+        the samples. Smooth curves have normally distributed waves of the same size as the samples, because another
+        drive is equally smooth. The other curves are the sum of two phasors. The curves are sampled near the values,
+        with weights that correct for this.
         """
         smooth_curves, smooth_weights = self._free_curves(trials)
         phasor_curves, phasor_weights = self._phasor_curves(trials)
@@ -364,7 +380,7 @@ class HoleSamples:
         }
         sample_weight = (1 - _FREE_SHARE - _PHASOR_SHARE) * self.weight
         curve_weight = np.zeros(curves.shape)
-        # only direction 0 has a weight, because a turned curve is another curve
+        # a turned curve would be another curve, so only direction 0 has a weight
         curve_weight[:, 0] = np.concatenate([_FREE_SHARE * smooth_weights, _PHASOR_SHARE * phasor_weights])
         weight = np.vstack([sample_weight, curve_weight])
         return replace(
@@ -375,9 +391,9 @@ class HoleSamples:
         )
 
     def _free_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
-        """Return curves near the values, at the torque of the setup, and their weights, shape (_FREE_CURVES,).
+        """Return smooth curves near the values at the torque of the setup, and their weights.
 
-        The curves have shape (_FREE_CURVES, directions) [arcsec].
+        The curves have the shape (_FREE_CURVES, directions) [arcsec], and the weights (_FREE_CURVES,).
         """
         log_F = np.log(self.F_ior_arcsec)  # shape (samples, directions)
         sample_share = self.weight.sum(axis=1)
@@ -386,7 +402,7 @@ class HoleSamples:
         spectrum = np.fft.rfft(log_F)
         # root mean square of the amplitude of each order over the samples
         amplitudes = np.sqrt(sample_share @ np.square(2 / directions * np.abs(spectrum)))
-        # standard deviations of the numbers: level, cosine and sine of each order
+        # standard deviations of the numbers of a curve: its level, then the cosines and the sines of the orders
         sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[_FREE_CURVE_ORDERS] / np.sqrt(2), 2)])
         kinds = error_kinds(len(trials), LOG_NOISES)
         numbers, density = _numbers_near(
@@ -401,13 +417,13 @@ class HoleSamples:
         return curves, density / _FREE_CURVES
 
     def _phasor_curves(self, trials: Sequence[Trial]) -> tuple[Array, Array]:
-        """Return curves of two phasors near the values, and their weights, in the form of `_free_curves`.
+        """Return curves of two phasors near the values, and their weights, with the shapes of `_free_curves`.
 
-        One phasor is stationary and one turns with the wheel. The square of F'_ior is linear in three numbers:
+        One phasor is stationary and the other turns with the wheel. The square of F'_ior is linear in three numbers:
 
         (2)  F'_ior^2 = level^2 (p + q cos(turn) + r sin(turn)),  q^2 + r^2 < p^2
 
-        sqrt(p) is lognormal, and all points (q, r) of the circle have the same probability.
+        sqrt(p) is lognormal, and (q, r) is uniformly distributed in the circle of radius p.
         """
         log_F = np.log(self.F_ior_arcsec)
         level = float(self.weight.sum(axis=1) @ log_F.mean(axis=1))
@@ -433,7 +449,7 @@ class HoleSamples:
         return np.exp(level) * np.sqrt(squares_of_curves), weights
 
     def _values_at_setup(self, trials: Sequence[Trial]) -> Array:
-        """Return values [arcsec] relative to the level of F'_ior at their torques, shape (trials,)."""
+        """Return values scaled by the levels from their own torques to that of the setup [arcsec], shape (trials,)."""
         torque_levels = np.array([self.levels[self.setup.point(trial)[1]] for trial in trials])
         values = np.array([trial.F_ior_arcsec for trial in trials])
         return np.asarray(values / torque_levels)
@@ -453,7 +469,7 @@ class HoleSamples:
 
 
 def _harmonics(angles: Array) -> Array:
-    """Return 1 and the cosines and sines of the orders of free curves at angles [rad], shape (angles, numbers)."""
+    """Return 1, the cosines and the sines of the orders of smooth curves at angles [rad], shape (angles, numbers)."""
     order_angles = np.multiply.outer(angles, _FREE_CURVE_ORDERS)
     return np.hstack([np.ones((len(angles), 1)), np.cos(order_angles), np.sin(order_angles)])
 
@@ -461,8 +477,8 @@ def _harmonics(angles: Array) -> Array:
 def _log_phasor_prior(numbers: Array) -> Array:
     """Return the prior log density of p, q and r of equation (2), shape (numbers,).
 
-    It contains the density of the level sqrt(p), the derivative 1/(2 p) of its logarithm, and the area pi p^2 of the
-    circle. It is -inf outside the circle.
+    The density is that of the logarithm of the level sqrt(p), times its derivative 1/(2 p), over the area pi p^2 of the
+    circle. Its logarithm is -inf outside the circle.
 
     numbers: p, q and r, shape (numbers, 3).
     """
@@ -480,16 +496,21 @@ def _numbers_near(
     kinds: Sequence[ErrorKind],
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Return normal numbers given values y = basis @ numbers + error, shape (_FREE_CURVES, numbers), and their weights.
+    """Return draws of standard normal numbers given values y = basis @ numbers + error, and their weights.
 
-    With the weights, which are one over the likelihood, the numbers have their prior normal distribution.
+    The draws have the shape (_FREE_CURVES, numbers). The weights are inversely proportional to the likelihood, so the
+    weighted draws have the prior distribution.
 
-    covariances: covariances of the error for each kind, shape (kinds, values, values).
+    basis: derivative of the values by the numbers, shape (values, numbers).
+    y: the values, shape (values,).
+    covariances: covariance of the error for each kind, shape (kinds, values, values).
+    kinds: possible kinds of error.
+    rng: source of random numbers.
     """
     log_shares = np.array([kind.log_share for kind in kinds])
 
     def log_shown(off: Array, covariances: Array) -> Array:
-        """Return the log density of deviations for each kind of error, shape (kinds, rows)."""
+        """Return the log density of deviations from the mean for each kind of error, shape (kinds, rows)."""
         squares = ((off @ np.linalg.inv(covariances)) * off).sum(axis=2)
         return np.asarray(log_shares[:, None] - 0.5 * (squares + np.linalg.slogdet(covariances)[1][:, None]))
 
@@ -508,13 +529,13 @@ def _numbers_near(
 
 @dataclass(frozen=True, eq=False)
 class HolePosterior:
-    """Equally weighted posterior draws, given the measured values.
+    """Equally weighted posterior draws of F'_ior in positions of the wheel, given the measured values.
 
     samples: prior samples from which the draws were selected.
     places: flat index of each draw into (samples, directions).
-    misfit: model misfit as a share of the mean F'_ior, shape (draws,).
-    noise: noise over the stated noise, shape (draws,).
-    scale: true F'_ior over computed F'_ior, shape (draws,).
+    misfit: standard deviation of the misfit as a share of the mean F'_ior, shape (draws,).
+    noise: ratio of true to stated noise, shape (draws,).
+    scale: ratio of true to computed F'_ior, shape (draws,).
     rotations_deg: rotations at which F'_ior is given [deg].
     F_ior_by_torque: F'_ior [arcsec] by torque M_g [N*m], shape (draws, rotations) each.
     effective: effective sample size.
@@ -538,18 +559,18 @@ class HolePosterior:
 
     @cached_property
     def offset(self) -> tuple[Array, Array]:
-        """Size [um] and direction [deg] of the stationary eccentricity in the draws that are drives."""
+        """Size [um] and direction [deg] of the stationary eccentricity in all draws that belong to a sampled drive."""
         size, direction = (self.samples.values[p].ravel()[self.places] for p in standing_offset(self.samples.drive))
         return size[~np.isnan(size)], direction[~np.isnan(size)]
 
     @property
     def by_values(self) -> float:
-        """Probability that no drive of the preset shows the values, in which case only the values decide."""
+        """Probability that no drive of the preset produced the values, so that only the values determine the result."""
         return 1 - len(self.offset[0]) / len(self.places)
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:
-        """Direction of the stationary eccentricity and its standard deviation [deg]; None if it is unknown."""
+        """Direction of the stationary eccentricity and its standard deviation [deg]; both None if it is unknown."""
         mean = np.exp(1j * np.radians(self.offset[1])).mean() if len(self.offset[1]) else 0j
         length = min(float(abs(mean)), 1.0)  # rounding may give more than 1 for equal directions
         if not length or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > _OPEN:
@@ -562,11 +583,11 @@ class HolePosterior:
         room_arcsec: Sequence[float | None],
         cost: float,
     ) -> Decision:
-        """Return the decision among the rotations except the last one, which is 0.
+        """Return the decision among all rotations except the last one, which is the present position.
 
         torques: torques of the decision [N*m].
-        room_arcsec: limit minus self error at each torque [arcsec], None without a limit.
-        cost: smallest reduction of F'_ior that pays for a turn, as a share.
+        room_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
+        cost: smallest relative reduction of F'_ior for which the wheel is moved.
         """
         F_ior_arcsec = np.array([self.F_ior_by_torque[M_g] for M_g in torques])
         ones = np.ones(len(self.places))
@@ -585,7 +606,7 @@ class HolePosterior:
 
 @dataclass(frozen=True, eq=False)
 class _ErrorDraws:
-    """Kinds of error and samples, drawn jointly by their likelihood given the values."""
+    """Pairs of a kind of error and a sample, drawn by their posterior probability given the values."""
 
     kind: NDArray[np.int64]  # index of the kind of each draw, shape (draws,)
     places: NDArray[np.int64]  # flat index of the sample and direction of each draw, shape (draws,)
@@ -599,16 +620,17 @@ def posterior_of(
     rotations_deg: Sequence[float],
     kinds: Sequence[ErrorKind] = (),
 ) -> HolePosterior:
-    """Return posterior draws of F'_ior in positions, given any number of values: Trials 4 in docs/theory.md.
+    """Return posterior draws of F'_ior in positions, given any number of measured values.
 
-    A kind of error and a sample are drawn jointly by their likelihood. Given both, F'_ior is drawn by equation (1) of
-    belief/evidence.py, at all torques of the samples.
+    The section "Trials 4" in docs/theory.md derives them. A kind of error and a sample are drawn jointly by their
+    posterior probability. Given both, F'_ior is drawn by equation (1) of belief/evidence.py, at all torques of the
+    samples.
 
     Args:
         samples: samples of the drive.
         trials: measured values.
         rotations_deg: positions [deg].
-        kinds: possible kinds of error; all by default.
+        kinds: possible kinds of error; if empty, all kinds with the noise levels LOG_NOISES.
     """
     torques = tuple(samples.F_ior_by_torque)
     points = [samples.setup.point(trial) for trial in trials]
@@ -654,7 +676,7 @@ def _drawn_errors(
     stated: Array,
     kinds: Sequence[ErrorKind],
 ) -> _ErrorDraws:
-    """Draw kinds of error and samples by their likelihood, _POSTERIOR_DRAWS at even quantiles.
+    """Draw _POSTERIOR_DRAWS pairs of a kind of error and a sample, at equal steps of their cumulative probability.
 
     Args:
         samples: samples of the drive.
@@ -692,8 +714,10 @@ def _posterior_normals(
 ) -> tuple[Array, Array, Array]:
     """Draw normal numbers for the scale, for the misfit at points, and for the errors of the values.
 
+    The random numbers of the first torque do not depend on further torques.
+
     Args:
-        samples: samples with torques and seed; the random numbers of the first torque do not depend on further torques.
+        samples: samples with the torques and the seed.
         points: rotations [deg] and torques [N*m].
         spread_shape: (draws, trials).
     """
@@ -711,7 +735,10 @@ def _posterior_normals(
 
 
 def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
-    """Return the torque of the samples [N*m] at which values of one torque are far more probable; None without one."""
+    """Return the torque of the samples [N*m] at which the values are far more probable than at their stated torque.
+
+    The result is None if there is no such torque, or if the values were measured at different torques.
+    """
     tried = [t.rotation_deg for t in trials]
     possible = samples.possible
     measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
@@ -746,14 +773,14 @@ def hole_samples(
 
     Args:
         drive: the drive.
-        torques: torques in addition to that of the setup [N*m].
+        torques: torques in addition to those of the setup [N*m].
         setup: conditions of the measurements.
-        draws: effective sample size to which the samples correspond.
-        table: effort for the table of each system.
+        draws: requested effective sample size, which determines the number of contact systems.
+        table: effort for the table of each contact system.
         run: processes, progress and seed.
 
-    Raises UsageError for a drive with rolling balls or without an eccentricity, UntrustedError if too few draws are
-    valid drives that agree with the reference data.
+    Raises UsageError for a drive with rolling balls or without a known size of the eccentricity, and UntrustedError if
+    too few draws are valid drives that agree with the reference data.
     """
     if not searchable(drive):
         raise UsageError("trials need bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
@@ -763,7 +790,7 @@ def hole_samples(
     deviations = open_deviations(prior)
     systems = replace(prior, fields=tuple(field for field in prior.fields if field not in deviations))
     count = max(1, draws // SAMPLES_A_TABLE)
-    if not systems.fields:  # if only deviations are unknown, one finer table gives all samples
+    if not systems.fields:  # only deviations are unknown, so one table with more deviations gives all samples
         table = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count))
         count = 1
     other_torques = {*setup.others, *torques} - {setup.M_g}
@@ -796,7 +823,7 @@ def _system_samples(
     count: int,
     run: Run,
 ) -> Samples:
-    """Draw samples of the fields of the contact systems, which are all fields except deviations.
+    """Draw samples of all uncertain fields except deviations, each of which determines a contact system.
 
     Args:
         drive: drive whose reference data weight the samples.
@@ -825,14 +852,14 @@ def _solved_tables(
     solve: Callable[[int, Mapping[str, float]], TabledErrors | None],
     run: Run,
 ) -> tuple[list[float], list[TabledErrors]]:
-    """Solve the errors of each system.
+    """Return the weights and the tables of errors of all contact systems that have a result.
 
     Args:
         samples: samples of the systems.
-        solve: function that returns the errors of a system from its index and values, None without a result.
+        solve: function that returns the errors of a system from its index and values; None if it has no result.
         run: processes and progress.
 
-    Returns the weights of the systems with a result, and their errors. Raises UntrustedError if no system has a result.
+    Raises UntrustedError if no system has a result.
     """
     weights: list[float] = []
     tables: list[TabledErrors] = []
@@ -857,7 +884,7 @@ def _sample_weights(
     tables: Sequence[TabledErrors],
     F_ior: Array,
 ) -> Array:
-    """Return the weights of samples and directions, shape (samples, directions), which are not normalized.
+    """Return the weights of samples and directions without normalization, shape (samples, directions).
 
     Args:
         drive: drive whose catalogue accuracy weights the samples.
@@ -877,8 +904,7 @@ def _sample_weights(
         for is_part, share in ((is_as_stated, _STATED_SHARE), (~is_as_stated, 1 - _STATED_SHARE)):
             weight[is_part] *= share / weight[is_part].sum()
     for evidence in evidence_of(drive):
-        # the accuracy applies without load, where F'_ior is largest, so F'_ior at the torque of the trials must meet it
-        # as well
+        # the accuracy applies without load, where F'_ior is largest, so it also limits F'_ior at the torque of trials
         if evidence.figure == ACCURACY:
             tested = F_ior[0]
             if evidence.positions:
@@ -896,10 +922,15 @@ def _tabled(
     number: int,
     values: Mapping[str, float],
 ) -> TabledErrors | None:
-    """Return F'_ior of a system with many samples of the deviations, None without a result.
+    """Return F'_ior of a contact system with many samples of the deviations; None if a state has no valid result.
 
+    prior: prior of all fields, with an open stationary eccentricity.
+    believed: prior with the eccentricity stated in the preset; None if it is the same.
+    torques: torques [N*m].
+    effort: effort for the table.
+    seed: seed of the samples.
     number: index of the system.
-    values: values of the fields of the system.
+    values: values of the fields of the system, by path.
     """
     try:
         return tabled_errors(
@@ -912,9 +943,9 @@ def _tabled(
 def open_prior(drive: Drive) -> DrivePrior:
     """Return the prior of a drive as in `check`, but with an open stationary eccentricity.
 
-    The eccentricity has any size up to _WIDEST_SIZE times that of the preset and any direction, unless the preset gives
-    an uncertainty for it or leaves it unknown. The same holds for the rotating eccentricity. Raises UsageError if no
-    distribution of the size of the stationary eccentricity is known.
+    The eccentricity has any size up to _WIDEST_SIZE times that of the preset and any direction, unless `check` already
+    samples it. The same applies to the rotating eccentricity. Raises UsageError if the size of the stationary
+    eccentricity is neither stated nor sampled.
     """
     belief = prior_of(drive)
     size, direction = standing_offset(drive)
