@@ -1,9 +1,9 @@
-"""Effects of edits of a preset on F'_ior of its samples: solved on a few samples, and on others only if these decide.
+"""Effects of edits of a preset on F'_ior of its samples, solved on as few samples as possible.
 
-An edit changes F'_ior of similar samples by similar factors. It is therefore solved on a few samples first, evenly over
-F'_ior. Every other sample takes the factors of the samples nearest to it in F'_ior, its donors. A sample is settled if
-all donors agree on whether the limit is met and on the likelihood of the reference data. Samples that are not settled
-are solved too, for edits that may still be among the best.
+An edit changes F'_ior of similar samples by similar factors. It is therefore first solved on a few samples, which are
+spread over F'_ior. Every other sample uses the factors of its donors, the solved samples with the nearest F'_ior. A
+sample is settled if all donors agree on whether the limit is met and on the likelihood of the reference data. For edits
+that may be among the best, the samples that are not settled are also solved.
 """
 
 from __future__ import annotations
@@ -44,30 +44,32 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
-LEAST_STEP_GAIN = 0.02  # smallest gain of an option, in probability, or without a limit as a share of F'_ior
-BEST_OF_HOLES = "trials"  # name of the effect of choosing the best of some holes
-_BEST_EDITS = 3  # number of best edits that are solved as far as the limit requires
+# smallest gain of an option: increase of the probability or, without a limit, relative reduction of F'_ior
+LEAST_STEP_GAIN = 0.02
+BEST_OF_HOLES = "trials"  # name of the effect of choosing the best of several holes
+_BEST_EDITS = 3  # number of edits with the largest probabilities that are solved on unsettled samples
 _FIRST_SAMPLES = 24  # number of samples on which all edits are solved
 _MOST_SAMPLES = 96  # largest number of samples that represent all samples
-_DONORS = 8  # number of solved samples whose factors another sample takes
-_NO_EFFECT = 0.005  # smallest relevant reduction by a tolerance, as a share of F'_ior
-# largest spread of the likelihood over the donors of a settled sample, as a share of the largest weight
+_DONORS = 8  # number of donors of a sample on which an edit is not solved
+_NO_EFFECT = 0.005  # relative reduction of F'_ior below which a tighter tolerance has no effect
+# largest spread of weights over the donors of a settled sample, as a share of the largest weight of all samples
 _LIKELIHOOD_SPREAD = 0.1
-_FEWEST_EFFECTIVE = 8.0  # smallest effective sample size that agrees with the reference data of an edited drive
-_LEAST_ERROR = 1e-9  # arcsec; smallest divisor
+_FEWEST_EFFECTIVE = 8.0  # effective sample size of the edited drive below which an edit has no result
+_LEAST_ERROR = 1e-9  # smallest F'_ior by which others are divided [arcsec]
 
 
 @dataclass(frozen=True, eq=False)
 class OptionSamples:
     """Samples on which edits are solved, and the limit of F'_ior.
 
-    samples: the samples; None if all inputs are known.
-    rows: indices of the samples that represent all of them.
-    weights: weights of these rows.
-    shares: shares of each field's probability.
+    prior: prior of the drive.
+    samples: samples of the drive; None if all inputs are known.
+    rows: indices of the samples that represent all samples.
+    weights: weights of these samples, shape (rows,).
+    shares: quantile levels of the fields, shape (rows, fields).
     torque: index of the torque.
     room_arcsec: limit minus self error [arcsec]; None without a limit.
-    sure: probability that PASS needs.
+    sure: probability of meeting the limit from which the verdict is PASS.
     """
 
     prior: DrivePrior
@@ -88,18 +90,18 @@ class OptionSamples:
         room_arcsec: float | None,
         sure: float,
     ) -> OptionSamples:
-        """Return the samples of a drive on which edits are solved."""
+        """Return the samples of a drive on which edits are solved; the arguments are the attributes."""
         first = None if samples is None else samples.of_ranges
-        # if all inputs are known, one sample with the middle of every share
+        # a drive whose inputs are all known is one sample with the quantile level 0.5 of every field
         if first is None:
             rows = np.zeros(1, dtype=np.int64)
             weights = np.ones(1)
             shares = np.full((1, len(prior.fields)), 0.5)
         else:
-            # samples without weight need no edit
+            # samples without weight are omitted
             rows = np.flatnonzero(first.weights)
             weights = first.weights[rows]
-            # each selected row represents as many equal shares of the weight as it was selected for
+            # even_rows may select a row several times, so the number of selections is its weight
             if len(rows) > _MOST_SAMPLES:
                 rows, count = np.unique(even_rows(first.weights, _MOST_SAMPLES), return_counts=True)
                 weights = count.astype(float)
@@ -117,19 +119,20 @@ class OptionSamples:
 
     @property
     def stated_arcsec(self) -> Array | None:
-        """F'_ior of the samples as stated on all pages [arcsec], shape (rows,); None if all inputs are known."""
+        """F'_ior of the samples without any edit [arcsec], shape (rows,); None if all inputs are known."""
         return None if self.samples is None else self.samples.F_ior_arcsec[self.rows, self.torque]
 
     @property
     def has_sets(self) -> bool:
-        """Whether F'_ior as mounted is stated over several sets of deviations of each sample."""
+        """Whether each sample has several sets of deviations."""
         return self.samples is not None and self.samples.set_weights.shape[1] > 1
 
     @cached_property
     def all_sets(self) -> tuple[Array, Array] | None:
-        """F'_ior of all sets of deviations [arcsec] and their weights, shape (sets x rows,) each, the samples first.
+        """F'_ior of all sets of deviations [arcsec] and their weights, shape (sets x rows,) each.
 
-        None if all inputs are known.
+        The first set of every sample comes first, then the second set of every sample, and so on. The value is None if
+        all inputs are known.
         """
         if self.samples is None:
             return None
@@ -141,10 +144,10 @@ class OptionSamples:
 
     @cached_property
     def first_rows(self) -> NDArray[np.int64]:
-        """Indices among the rows of the samples that are solved first, evenly over F'_ior."""
+        """Positions in `rows` of the samples that are solved first, which are spread over F'_ior."""
         if self.stated_arcsec is None:
             return np.zeros(1, dtype=np.int64)
-        # evenly over F'_ior, because the factors of an edit depend on it
+        # the samples are spread over F'_ior, because the factors of an edit depend on it
         order = np.argsort(self.stated_arcsec, kind="stable")
         count = min(_FIRST_SAMPLES, len(order))
         return np.unique(order[even_rows(self.weights[order], count)])
@@ -154,13 +157,13 @@ class OptionSamples:
         """Number of the sample of each row among all draws."""
         if self.samples is None:
             return [0]
-        # refused draws have a number too, so rows and numbers differ
+        # rows count only draws with F'_ior, but all draws have a number
         numbers = [number for number, draw in enumerate(self.samples.made) if draw.F_ior_arcsec is not None]
         return [numbers[row] for row in self.rows]
 
     @property
     def tested_arcsec(self) -> Array | None:
-        """F'_ior of the samples as read in the accuracy test [arcsec], shape (rows,); None without an accuracy."""
+        """Predicted reading of each sample in the accuracy test [arcsec], shape (rows,); None without an accuracy."""
         if self.samples is None:
             return None
         figures = [self.samples.made[number].figures for number in self.draw_numbers]
@@ -169,9 +172,12 @@ class OptionSamples:
         return np.array([of_draw[ACCURACY] for of_draw in figures])
 
     def edited_shares(self, prior: DrivePrior, seed: int) -> Array:
-        """Return shares of each field of an edited drive: those of the samples, and random ones for new fields."""
+        """Return the quantile levels of the fields of an edited drive, shape (rows, fields).
+
+        prior: prior of the edited drive; fields that the samples lack get random levels.
+        seed: seed of the random levels.
+        """
         places = {of_field.path: place for place, of_field in enumerate(self.prior.fields)}
-        # fields that only the edited drive has get random shares
         rng = np.random.default_rng([seed, len(prior.fields)])
         columns = []
         for of_field in prior.fields:
@@ -180,7 +186,10 @@ class OptionSamples:
         return np.array(columns).reshape(len(prior.fields), len(self.rows)).T
 
     def row_values(self, rows: Sequence[int]) -> list[dict[str, float]]:
-        """Return the values of the samples in the given rows, by path."""
+        """Return the field values of samples, by path.
+
+        rows: positions of the samples in `rows`.
+        """
         return self.samples.values(self.rows[rows]) if self.samples else [{} for _ in rows]
 
 
@@ -188,9 +197,8 @@ class OptionSamples:
 class Effect:
     """F'_ior of samples with an edit, from the solution of each sample or of its donors.
 
-    F_ior_arcsec: F'_ior [arcsec], shape (rows, donors).
-    weights: weights of these values, which differ from those of the samples due to reference data, shape (rows,
-        donors).
+    F_ior_arcsec: F'_ior of each sample by the factor of each donor [arcsec], shape (rows, donors).
+    weights: weights of these values, to which the reference data were applied again, shape (rows, donors).
     is_solved: whether the edit was solved on each sample, shape (rows,).
     """
 
@@ -199,7 +207,7 @@ class Effect:
     is_solved: NDArray[np.bool_]
 
     def values(self) -> tuple[Array, Array]:
-        """Return F'_ior [arcsec] and its weights, one value for a sample whose donors agree, shape (values,) each."""
+        """Return F'_ior [arcsec] and its weights, shape (values,) each; equal values of a sample are merged."""
         is_one = (self.F_ior_arcsec == self.F_ior_arcsec[:, :1]).all(axis=1)
         F_ior = np.concatenate([self.F_ior_arcsec[is_one, 0], self.F_ior_arcsec[~is_one].ravel()])
         weights = np.concatenate([self.weights[is_one].sum(axis=1), self.weights[~is_one].ravel()])
@@ -210,27 +218,30 @@ class Effect:
 
         left_arcsec: limit minus self error [arcsec].
         """
-        # a sample rejected by its donors has no weight
+        # all donors of a sample may contradict the reference data, so its weight may be 0
         of_row = self.weights.sum(axis=1)
         met = (self.weights * (self.F_ior_arcsec <= left_arcsec)).sum(axis=1)
         return np.asarray(met / np.where(of_row > 0, of_row, 1))
 
     def unsettled(self, left_arcsec: float | None) -> NDArray[np.bool_]:
-        """Return whether each sample is neither solved nor settled by its donors, shape (rows,)."""
+        """Return whether each sample is neither solved nor settled by its donors, shape (rows,).
+
+        left_arcsec: limit minus self error [arcsec]; None without a limit.
+        """
         # donors disagree on whether the sample agrees with the reference data
         spread = np.ptp(self.weights, axis=1) / max(float(self.weights.max()), 1e-300)
         is_open = spread > _LIKELIHOOD_SPREAD
         if left_arcsec is not None:
             is_met = self.F_ior_arcsec <= left_arcsec
-            # donors disagree on the limit
+            # donors disagree on whether the limit is met
             is_open |= is_met.any(axis=1) & ~is_met.all(axis=1)
         return np.asarray(is_open & ~self.is_solved)
 
     def of_samples(self, left_arcsec: float, rows: int) -> tuple[Array, Array]:
-        """Return the probability that each sample meets a limit over its sets, and its weight, shape (rows,) each.
+        """Return the probability that a limit is met over all sets of each sample, and its weight, shape (rows,) each.
 
         left_arcsec: limit minus self error [arcsec].
-        rows: number of samples, whose sets are stored in blocks.
+        rows: number of samples; the array contains one block of this length per set.
         """
         weights = self.weights.sum(axis=1).reshape(-1, rows)
         met = self.met(left_arcsec).reshape(-1, rows)
@@ -255,9 +266,9 @@ class Effect:
 class _Solved:
     """F'_ior of a sample with each edit [arcsec].
 
-    F_ior: F'_ior at the torque by name of the edit, "" without any edit; None if it gives no valid drive.
-    tested: F'_ior at the torque of an accuracy test, by name.
-    in_holes: F'_ior with the wheel in each hole, at all torques, shape (torques, holes).
+    F_ior: F'_ior at the torque by name of the edit ("" for no edit); None if the edit gives no valid drive.
+    tested: reading in the accuracy test, by name of the edit.
+    in_holes: F'_ior with the wheel in each hole at each torque, shape (torques, holes).
     proof: certificate of the states.
     """
 
@@ -275,10 +286,10 @@ class _Task:
     """Quantities to solve for one sample.
 
     values: values of the sample, by path.
-    edits: values changed by each edit, by name.
-    systems: values changed by each edit with a different contact system, by name.
-    tried_deg: rotations of the wheel, the best of which counts [deg].
-    holes_deg: rotations to all holes [deg].
+    edits: sizes of deviations changed by each edit of the same contact system, by name of the edit.
+    systems: values changed by each edit with its own contact system, by name of the edit.
+    tried_deg: rotations of the wheel [deg], whose smallest F'_ior is the result BEST_OF_HOLES.
+    holes_deg: rotations to all holes [deg], in which the sample is solved at all torques.
     tested_deg: rotation in the accuracy test [deg].
     tested: names of the edits to which the accuracy applies.
     test_start: first position of the test, as a share of the full mesh cycle.
@@ -313,8 +324,8 @@ class Effects:
     samples: the samples.
     stated_arcsec: F'_ior of each sample without any edit [arcsec], shape (rows,).
     by_name: effect of each edit; edits that give no valid drive or have no effect are omitted.
-    hole_factors: F'_ior in each hole over that in the present one, for the first samples at all torques, shape (first
-        rows, torques, holes).
+    hole_factors: ratio of F'_ior in each hole to that in the present hole, for the first samples at all torques, shape
+        (first rows, torques, holes).
     proof: certificate of all states.
     """
 
@@ -327,14 +338,14 @@ class Effects:
 
 @dataclass(frozen=True, eq=False)
 class EditQuestion:
-    """Edits to solve, with their settings.
+    """Edits and rotations of the fixed wheel whose effects are to be solved.
 
     samples: the samples, with the index of the torque.
     edits: the edits.
     torques: all torques of the drive [N*m].
-    tried_deg: rotations of the wheel, the best of which is a separate effect with the name BEST_OF_HOLES [deg].
+    tried_deg: rotations of the wheel [deg], the best of which is a separate effect with the name BEST_OF_HOLES.
     holes_deg: rotations to the holes in which the first samples are solved at all torques [deg].
-    is_measured: whether F'_ior was measured on the drive, in which case other reference data do not count.
+    is_measured: whether F'_ior was measured on the drive, so that the catalogue accuracy is not applied again.
     """
 
     samples: OptionSamples
@@ -350,7 +361,7 @@ class EditQuestion:
         Raises UntrustedError if a state cannot be trusted.
         """
         samples = self.samples
-        # a few samples are solved with all edits, the others only if their verdict is open
+        # all edits are solved on a few samples, and on the other samples only if these are not settled
         first = samples.first_rows.tolist()
         solved = dict(
             zip(
@@ -364,7 +375,7 @@ class EditQuestion:
         if self.tried_deg:
             names.append(BEST_OF_HOLES)
         effects = self._effects(names, solved)
-        # samples that their donors do not settle, with the relevant edits
+        # unsettled samples are solved with the edits that may be among the best
         undecided = _undecided(samples, effects)
         if undecided:
             tasks = zip(
@@ -385,7 +396,9 @@ class EditQuestion:
         )
 
     def _hole_factors(self, answers: Sequence[_Solved]) -> Array:
-        """Return F'_ior of the first samples in each hole over that in the present one, shape (first, torques, holes).
+        """Return the ratio of F'_ior in each hole to that in the present hole for the first samples.
+
+        The shape is (first samples, torques, holes).
 
         The result is empty without holes, and if all inputs are known.
         """
@@ -411,10 +424,14 @@ class EditQuestion:
         return effects
 
     def _tasks(self, rows: Sequence[int], seed: int) -> list[_Task]:
-        """Return the tasks for the samples in the given rows."""
+        """Return the task of each of several samples.
+
+        rows: positions of the samples in `samples.rows`.
+        seed: seed of the draws.
+        """
         samples = self.samples
         drive = samples.prior.drive
-        # a better accuracy grade changes the weights of samples, but not the drives
+        # a better accuracy grade changes only the weights of samples, so it needs no solution
         changing = [edit for edit in self.edits if edit.kind != "accuracy"]
         tested = self._tested_edits(changing)
         values = {edit.name: edit.prior.values(samples.edited_shares(edit.prior, seed)[rows]) for edit in changing}
@@ -444,7 +461,7 @@ class EditQuestion:
         return tasks
 
     def _tested_edits(self, changing: Sequence[Edit]) -> tuple[str, ...]:
-        """Return the names of edits to which an accuracy applies, "" for the drive without any edit."""
+        """Return the names of the edits to solve in the accuracy test ("" for the drive without any edit)."""
         if self.samples.tested_arcsec is None:
             return ("",) if len(changing) < len(self.edits) else ()
         return () if self.is_measured else tuple(edit.name for edit in changing)
@@ -454,7 +471,7 @@ class EditQuestion:
         samples = self.samples
         drive = samples.prior.drive
         is_drawn = samples.samples is not None
-        # all dependencies of the results, without texts and limits
+        # the key contains everything on which the results depend, but no texts and limits
         depends = {
             "drive": drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
             "tasks": [_described(task) for task in tasks],
@@ -473,19 +490,19 @@ class EditQuestion:
 
 
 def _described(task: _Task) -> list[object]:
-    """Return everything that the result of a task depends on."""
+    """Return all values of a task, in a form for the key of the user's cache."""
     turns = [task.tried_deg, task.holes_deg, task.tested_deg, task.tested]
     return [dict(task.values), task.edits, task.systems, *turns, task.test_start]
 
 
 def _changed_sizes(drive: Drive, edited: Drive) -> dict[str, float]:
-    """Return the sizes of deviations of an edited drive that differ from those of a drive, by path."""
+    """Return the sizes of deviations that an edit changes, with their edited values, by path."""
     sizes = {path: edited.number(path) for path in deviation_sizes()}
     return {path: size for path, size in sizes.items() if size != drive.number(path)}
 
 
 def _undecided(samples: OptionSamples, effects: Mapping[str, Effect]) -> dict[int, list[str]]:
-    """Return, by row, the edits that are still to be solved on unsettled samples: those that may be among the best."""
+    """Return the edits that may be among the best and are to be solved on unsettled samples, by row of the sample."""
     limit = samples.room_arcsec
     if samples.all_sets is None:  # a single sample is already solved
         return {}
@@ -511,7 +528,16 @@ def _effect(
     solved: Mapping[int, _Solved],
     evidence: Evidence | None,
 ) -> Effect | None:
-    """Return the effect of an edit; None if it gives no valid drive, or if hardly any sample agrees with it."""
+    """Return the effect of an edit on all samples.
+
+    The result is None if the edit gives an invalid drive for a solved sample, or if too few samples agree with the
+    reference data after the edit.
+
+    samples: the samples.
+    name: name of the edit.
+    solved: results of the solved samples by row.
+    evidence: the catalogue accuracy; None without one, or if F'_ior was measured.
+    """
     grade = name.partition(":")[2] if name.startswith("accuracy:") else ""
     source = "" if grade else name
     answers = {row: answer for row, answer in solved.items() if source in answer.F_ior}
@@ -525,7 +551,7 @@ def _effect(
     if grade:
         is_solved[:count] |= samples.tested_arcsec is not None
     likelihood = _likelihood(samples, name, answers, every_donor[:count], evidence)
-    # further sets take the likelihood of their donors
+    # a further set uses the likelihood of its donors
     likelihood = np.vstack([likelihood, likelihood[every_donor[count:], 0]])
     weights = stated_weights[:, None] / every_donor.shape[1] * likelihood
     effective = effective_number(weights[:count].sum(axis=1))
@@ -541,7 +567,7 @@ def _likelihood(
     donors: NDArray[np.int64],
     evidence: Evidence | None,
 ) -> Array:
-    """Return the likelihood of the reference data with an edit over that without it, shape (rows, donors)."""
+    """Return the ratio of the reference data's likelihood with an edit to that without it, shape (rows, donors)."""
     if name.startswith("accuracy:"):
         return _grade_likelihood(samples, float(name.partition(":")[2]), answers, donors, evidence)
     if evidence:
@@ -554,7 +580,10 @@ def _factor(
     answers: Mapping[int, _Solved],
     name: str,
 ) -> Array | None:
-    """Return F'_ior with an edit over that without it, shape (rows,), NaN if unsolved; None without a valid drive."""
+    """Return the ratio of F'_ior with an edit to that without it, shape (rows,), which is NaN for unsolved samples.
+
+    The result is None if the edit gives an invalid drive for a sample, or if F'_ior without it is 0.
+    """
     factor = np.full(rows, np.nan)
     for row, answer in answers.items():
         edited = answer.F_ior[name]
@@ -572,7 +601,7 @@ def _likelihood_ratio(
     donors: NDArray[np.int64],
     evidence: Evidence,
 ) -> Array:
-    """Return the likelihood of the accuracy for edited samples over that for the samples, shape (rows, donors)."""
+    """Return the ratio of the likelihood of the accuracy with an edit to that without it, shape (rows, donors)."""
     tested = samples.tested_arcsec
     if tested is None:
         return np.ones(donors.shape)
@@ -588,9 +617,9 @@ def _grade_likelihood(
     donors: NDArray[np.int64],
     evidence: Evidence | None,
 ) -> Array:
-    """Return the likelihood of a better accuracy over that of the present one, shape (rows, donors).
+    """Return the ratio of the likelihood of a better accuracy to that of the present one, shape (rows, donors).
 
-    samples: the samples, with F'_ior as tested if the catalogue has an accuracy.
+    samples: the samples, with their readings in the accuracy test if the catalogue states an accuracy.
     grade_arcsec: the better accuracy [arcsec].
     answers: results of the solved samples by row.
     donors: donors of each sample, shape (rows, donors).
@@ -617,7 +646,14 @@ def _tested_factor(
     answers: Mapping[int, _Solved],
     name: str,
 ) -> Array:
-    """Return F'_ior as tested with an edit over other values [arcsec], shape (rows,), NaN if unsolved."""
+    """Return the ratio of readings in the accuracy test with an edit to other values, shape (rows,).
+
+    The ratio is NaN for unsolved samples.
+
+    over_arcsec: the values by which readings are divided [arcsec], shape (rows,).
+    answers: results of the solved samples by row.
+    name: name of the edit.
+    """
     factor = np.full(len(over_arcsec), np.nan)
     for row, answer in answers.items():
         tested = answer.tested.get(name)
@@ -627,10 +663,12 @@ def _tested_factor(
 
 
 def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
-    """Return the donors of each sample, shape (rows, donors), which for a solved sample are only the sample itself.
+    """Return the indices of the donors of each sample, shape (rows, donors).
+
+    A solved sample is its own and only donor.
 
     F_ior_arcsec: F'_ior of the samples [arcsec], shape (rows,).
-    factor: F'_ior with an edit over that without it, shape (rows,), NaN if unsolved.
+    factor: ratio of F'_ior with an edit to that without it, shape (rows,), NaN for unsolved samples.
     """
     places = np.flatnonzero(~np.isnan(factor))
     distance = np.abs(np.subtract.outer(np.log(F_ior_arcsec), np.log(F_ior_arcsec[places])))
@@ -640,7 +678,7 @@ def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
 
 
 def _is_idle(edit: Edit, answers: Sequence[_Solved]) -> bool:
-    """Return whether a tolerance hardly reduces F'_ior of any of the samples."""
+    """Return whether an edit is a tighter tolerance that reduces F'_ior of no solved sample noticeably."""
     if edit.kind != "tolerance":
         return False
     pairs = [(answer.F_ior[""], answer.F_ior.get(edit.name)) for answer in answers]
@@ -658,7 +696,14 @@ def _solve_one(
     is_drawn: bool,
     task: _Task,
 ) -> _Solved:
-    """Return F'_ior of one sample with its edits."""
+    """Return the results of the task of one sample.
+
+    drive: drive without sampled values.
+    torques: all torques of the drive [N*m].
+    torque: index of the torque of the edits.
+    is_drawn: whether the drive is a sample, for which coarser grids are sufficient.
+    task: quantities to solve.
+    """
     sample = drive.with_values(task.values)
     M_g = torques[torque]
     test_load = ACCURACY_LOAD * drive.rated_torque
@@ -682,7 +727,10 @@ def _as_mounted(
     task: _Task,
     is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
-    """Return F'_ior with edits of the same contact system [arcsec], by name, and the certificate."""
+    """Return F'_ior in the present position for edits of the same contact system [arcsec], and the certificate.
+
+    If some holes are tried, the smallest F'_ior in them is added with the name BEST_OF_HOLES.
+    """
     turned = [turned_directions(drive, turn) for turn in task.tried_deg]
     values, proof = searched(
         error_map,
@@ -709,7 +757,7 @@ def _tested(
     task: _Task,
     is_drawn: bool,
 ) -> tuple[dict[str, float | None], Certificate]:
-    """Return F'_ior in the manufacturer's test with edits of the same contact system [arcsec], and the certificate."""
+    """Return the readings in the accuracy test for edits of the same contact system [arcsec], and the certificate."""
     names = [name for name in task.tested if name not in task.systems]
     if not names:
         return {}, EMPTY
@@ -726,9 +774,15 @@ def _solve_system(
     is_drawn: bool,
     is_tested: bool,
 ) -> tuple[float, float | None, Certificate]:
-    """Return F'_ior of a drive with its own contact system [arcsec], as mounted and as tested, and the certificate.
+    """Return F'_ior of an edited drive with its own contact system, its test reading [arcsec], and the certificate.
+
+    The reading is None if the accuracy does not apply.
+
+    drive: the edited drive.
+    M_g: torque of F'_ior [N*m].
 
     task: task with the rotation and first position of the accuracy test.
+    is_drawn: whether the drive is a sample, for which coarser grids are sufficient.
     is_tested: whether the accuracy applies to this drive.
 
     Raises UntrustedError if a result cannot be trusted.
@@ -764,7 +818,7 @@ def _as_tested(
 ) -> tuple[list[float], Certificate]:
     """Return the manufacturer's readings of a drive with each of several changes [arcsec], and the certificate.
 
-    All changes have the same first position, because they are compared with each other.
+    All changes are tested from the same first position, because they are compared with each other.
 
     changes: changed values by path.
     start: first position, as a share of the full mesh cycle.
@@ -782,7 +836,10 @@ def _in_holes(
     holes_deg: Sequence[float],
     is_drawn: bool,
 ) -> tuple[tuple[tuple[float, ...], ...], Certificate]:
-    """Return F'_ior of a drive in holes [arcsec], shape (torques, holes), and the certificate; empty without holes."""
+    """Return F'_ior of a drive in several holes [arcsec], shape (torques, holes), and the certificate.
+
+    The result is empty without holes.
+    """
     if not holes_deg:
         return (), EMPTY
     changes = [turned_directions(drive, turn) for turn in holes_deg]
@@ -791,7 +848,10 @@ def _in_holes(
 
 
 def turned_directions(drive: Drive, turn_deg: float) -> dict[str, float]:
-    """Return the directions of a drive with the fixed wheel turned, by path."""
+    """Return the directions of the deviations that turn with the fixed wheel, after it is turned, by path [deg].
+
+    The result is empty if the rotation is a whole number of revolutions.
+    """
     return {path: drive.number(path) + turn_deg for path in carried(drive)} if turn_deg % 360 else {}
 
 

@@ -1,12 +1,12 @@
 """Ways to meet a limit: options to act on, and questions to the manufacturer.
 
-An option is an edit of the preset, as a user would make it. It is applied to the samples of the drive with the same
-random numbers, so that its probability is that of a check of the edited preset, including all dependent changes: a
+An option is an edit of the preset that a user could make. It is applied to the samples of the drive with the same
+random numbers. Its probability is therefore that of a check of the edited preset, including all dependent changes: a
 wheel with a tighter tolerance also has smaller pitch deviations and harmonics. Reference data (the accuracy) are
-applied again, because the edited drive is another drive that the manufacturer tests. With the wheel in another hole,
-the drive is the same and keeps its weight. A question divides the samples by the possible answers.
+applied again, because the manufacturer would test the edited drive. With the wheel in another hole, the drive is the
+same, and its weight does not change. A question divides the samples by the possible answers.
 
-The probability after an edit is that of `check` plus the difference due to the edit over the solved samples:
+The probability after an edit is that of `check` plus the difference that the edit makes over the solved samples:
 
 (1)  P' = P + mean of [F' <= left] with the weights of the edited drive - mean of [F <= left]
 """
@@ -52,11 +52,10 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
 _TRIED_HOLES = 4  # largest number of holes in a trial of some holes
-_PHASORS_OFF = 20  # number of strongest components that a controller removes
-_CORRECTED = 3  # number of samples whose full cycle is corrected
-_CLEAR = 3.0  # number of standard errors by which a hole that is not considered further is worse
-# largest difference of loss or probability at which holes are considered nearly equal, so that all are solved
-_NEARLY = 0.005
+_PHASORS_OFF = 20  # number of phasors that a stored correction removes, the strongest first
+_CORRECTED = 3  # number of samples for which a corrected full cycle is computed
+_CLEAR = 3.0  # number of standard errors by which a hole must be worse than the best one to be excluded
+_NEARLY = 0.005  # largest difference of loss or probability between holes that are considered nearly equal
 _LEVEL_PLACES = 12  # number of positions of a free seat with which torques are compared
 # number of positions of a seat with a free angle, which are treated as holes
 _FREE_POSITIONS = round(360 / FREE_STEP_DEG)
@@ -70,9 +69,11 @@ _ReferenceData = Literal["kept", "applied again"]
 class Outcome(ClosedRecord):
     """F'_ior after a step or with an answer to a question: percentiles [arcsec] and probability of meeting the limit.
 
-    answer: answer in the words or number of a preset; empty for a step.
-    chance: probability of that answer.
-    probability, probability_low, probability_high: probability with its Monte Carlo interval; None without a limit.
+    answer: answer as it is written in a preset; empty for a step.
+    chance: probability of the answer; 1 for a step.
+    p5, p50, p95: percentiles of F'_ior [arcsec].
+    probability, probability_low, probability_high: probability of meeting the limit with its Monte Carlo interval; None
+        without a limit.
     edit: changes of the preset that state the answer.
     """
 
@@ -89,13 +90,14 @@ class Outcome(ClosedRecord):
 
 @dataclass(frozen=True)
 class Step(ClosedRecord):
-    """A step for a drive, with its outcomes.
+    """An option or a question that may help a drive to meet its limit, with its outcomes.
 
     kind: kind of the step.
     of: hole or holes (rotations [deg] for a seat without holes), number of phasors, path of the field, coupling, or
         accuracy [arcsec].
-    outcomes: outcomes of the step, for a question one per answer.
-    gain: mean change of the probability of meeting the limit, or without a limit of the median of F'_ior, as a share.
+    outcomes: the outcome of an option, or the outcomes of the answers to a question.
+    gain: mean change of the probability of meeting the limit; without a limit, mean relative change of the median of
+        F'_ior.
     edit: changes of the preset for --set that implement the step; empty if a value must be measured first.
     needs: value or data that must be obtained first.
     reference_data: whether the reference data were applied again.
@@ -117,7 +119,7 @@ class Step(ClosedRecord):
 
 @dataclass(frozen=True)
 class _Corrected:
-    """Residual share of F'_ior after a correction of the strongest terms of a full cycle, with the certificate."""
+    """Share of F'_ior that remains after the strongest phasors of a full cycle are corrected, with the certificate."""
 
     share: float
     proof: Certificate
@@ -136,7 +138,9 @@ def steps_of(
     sure: float = SURE,
     middle: KinematicError | None = None,
 ) -> tuple[tuple[Step, ...], Certificate]:
-    """Return steps for a drive at one torque, and their certificate: options by gain, then questions by gain.
+    """Return the steps for a drive at one torque, and the certificate of their states.
+
+    Options come first, followed by questions, each sorted by gain.
 
     prior: prior of the drive.
     samples: samples of the drive; None if all inputs are known.
@@ -144,10 +148,11 @@ def steps_of(
     torque: index of the torque of the steps.
     left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     run: the run.
-    sure: probability of meeting a limit that PASS needs.
-    middle: full cycle of the median sample at that torque, if it is known.
+    sure: probability of meeting a limit from which the verdict is PASS.
+    middle: full cycle of the median sample at that torque; None if it is not solved.
 
-    The result is empty for drives with rolling balls. Raises UntrustedError if a state cannot be trusted.
+    There are no steps for drives with rolling balls or if F'_ior is 0. Raises UntrustedError if a state cannot be
+    trusted.
     """
     if not searchable(prior.drive):
         return (), EMPTY
@@ -168,14 +173,14 @@ def steps_of(
 
 
 def _worthwhile(steps: Sequence[Step], now: Outcome) -> tuple[Step, ...]:
-    """Return the steps with a sufficient gain, together with it: options by gain, then questions by gain."""
+    """Return the steps whose gain is sufficient, with their gains: first options and then questions, each by gain."""
     with_gain = [replace(step, gain=_gain(now, step.outcomes)) for step in steps]
     worthwhile = [step for step in with_gain if step.gain >= LEAST_STEP_GAIN]
     return tuple(sorted(worthwhile, key=lambda step: (step.is_question, -step.gain)))
 
 
 def _edit_question(basis: OptionSamples, torques: Sequence[float]) -> EditQuestion:
-    """Return the edits and rotations of a drive to solve.
+    """Return the edits and the rotations of the fixed wheel whose effects are to be solved.
 
     basis: samples of the drive on which edits are solved.
     torques: torques of the drive [N*m].
@@ -223,10 +228,10 @@ def _all_sets(samples: Samples, torque: int) -> tuple[Array, Array]:
 
 
 def _gain(now: Outcome, outcomes: Sequence[Outcome]) -> float:
-    """Return the mean change of the probability of meeting the limit, or of the median as a share.
+    """Return the mean change of the probability of meeting the limit or, without a limit, of the relative median.
 
     now: outcome without a step.
-    outcomes: outcome of a step, or outcomes of the answers to a question, which count by their absolute change.
+    outcomes: the outcome of an option, or the outcomes of the answers to a question, whose absolute changes count.
     """
     chances = sum(outcome.chance for outcome in outcomes)
     gain = 0.0
@@ -283,7 +288,7 @@ def _scaled(
     now: Outcome,
     before: Outcome,
 ) -> Outcome:
-    """Return an outcome over one set of deviations of each sample, with percentiles scaled to all sets.
+    """Return an outcome over one set of deviations per sample, with its percentiles scaled to those of all sets.
 
     outcome: outcome after a step, over one set.
     now: outcome without the step, over all sets.
@@ -298,7 +303,7 @@ def _scaled(
 
 
 def _moved(probability: Probability, by: float) -> Probability:
-    """Return a probability with its interval, shifted by a difference."""
+    """Return a probability and its interval shifted by a difference, and limited to the range from 0 to 1."""
     value, low, high = np.clip(np.array([probability.value, probability.low, probability.high]) + by, 0, 1).tolist()
     return Probability(value, low, high)
 
@@ -312,7 +317,13 @@ def _edited_steps(
     now: Outcome,
     is_measured: bool,
 ) -> Iterator[Step]:
-    """Yield the steps that are edits of the preset, and the question about the coupling if it is open."""
+    """Yield the steps that are edits of the preset, and the question about the coupling if all its answers are solved.
+
+    effects: effects of the edits.
+    edits: the edits.
+    now: outcome without an edit.
+    is_measured: whether F'_ior was measured on the drive, so that reference data are not applied again.
+    """
     is_known = effects.samples.samples is None
     reference_data: _ReferenceData = "kept" if is_measured or is_known else "applied again"
     answers = []
@@ -348,7 +359,7 @@ def _kind_of(edit: Edit) -> _StepKind | None:
 
 
 def _question(of: str, answers: tuple[Outcome, ...]) -> Step:
-    """Return a question; for each answer, the reference data are applied again."""
+    """Return a question with the outcomes of its answers, for which the reference data were applied again."""
     return Step(
         kind="question",
         of=of,
@@ -364,7 +375,7 @@ def _changed_outcome(
     effect: Effect,
     now: Outcome,
 ) -> Outcome:
-    """Return the outcome of an effect by equation (1)."""
+    """Return the outcome of an edit from its effect, with the probability of equation (1)."""
     basis = effects.samples
     outcome = _outcome(*effect.values(), basis.room_arcsec)
     if basis.room_arcsec is None or now.probability is None or basis.all_sets is None:
@@ -376,7 +387,7 @@ def _changed_outcome(
 
 
 def _tried_step(effects: Effects, now: Outcome) -> Iterator[Step]:
-    """Yield the step to measure some holes and use the best one; with known directions, mount names the hole."""
+    """Yield the step to measure F'_ior in some holes and to use the best one, if its effect was solved."""
     drive = effects.samples.prior.drive
     tried = _apart(_usable_holes(drive))
     if BEST_OF_HOLES in effects.by_name and len(tried) > 1:
@@ -397,7 +408,7 @@ def _turns_deg(drive: Drive, holes: Sequence[int]) -> tuple[float, ...]:
 
 
 def _place_text(drive: Drive, hole: int) -> str:
-    """Return the number of a hole as text, or for a free seat its rotation [deg]."""
+    """Return the number of a hole as text, or the rotation [deg] if the seat has a free angle."""
     return str(hole) if drive.mounting.holes else f"{hole * FREE_STEP_DEG:g}"
 
 
@@ -408,9 +419,9 @@ def _hole_step(
     left_arcsec: Sequence[float | None],
     run: Run,
 ) -> tuple[Step | None, Certificate]:
-    """Return the step to the hole that `mount` names, from the same samples and by the same rule, and its certificate.
+    """Return the step to turn the wheel to the hole that `mount` names, and the certificate.
 
-    The step is None if no hole can be named, or if the wheel should stay.
+    It uses the samples and the rule of `mount`. The step is None if no hole can be named, or if the wheel should stay.
 
     effects: effects with the factors of F'_ior in all holes.
     samples: all stages of the samples; None if all inputs are known.
@@ -453,7 +464,7 @@ def _exact_hole(
     """
     basis = effects.samples
     drive = basis.prior.drive
-    # one drive in several holes
+    # the drive is solved in all usable holes
     changes = [turned_directions(drive, turn_deg) for turn_deg in _turns_deg(drive, usable)]
     F_ior_of_torque = []
     proof = EMPTY
@@ -461,7 +472,7 @@ def _exact_hole(
         values, proof_of_torque = searched(error_map, drive, changes, is_drawn=False)
         F_ior_of_torque.append(values)
         proof += proof_of_torque
-    # a single drive as one sample, shape (torques, one drive, holes)
+    # the drive counts as a single sample
     F_ior = np.array(F_ior_of_torque)[:, None, :]  # shape (torques, one drive, holes)
     met = limits_met(F_ior, left_arcsec)
     losses = losses_of(governing_share(F_ior, F_ior))[0]
@@ -482,7 +493,7 @@ def _sampled_hole(
     """Return the index of the hole to choose over the samples of a drive, its outcome, and the certificate.
 
     Only holes that may be the best are solved. The outcome is None if the wheel should stay. The arguments are those of
-    `_exact_hole`.
+    `_hole_step` and `_exact_hole`.
     """
     basis = effects.samples
     drive = basis.prior.drive
@@ -493,7 +504,7 @@ def _sampled_hole(
     turned = turned_samples(samples, evidence_of(drive), solved_deg, run)
     proof = sum((draw.turned_proof for draw in turned.made), EMPTY)
     columns = {place: turned.rotations_deg.index(turns_deg[place]) for place in places}
-    # exact in solved holes, by the factors of the first samples elsewhere
+    # losses are exact in solved holes, and estimated in other holes from the factors of the first samples
     losses = _mean_losses(effects, turned, columns)
     probabilities = _kept_in_holes(turned, columns, len(turns_deg), left_arcsec, basis.sure)
     place = chosen_hole(losses, probabilities, stay)
@@ -524,7 +535,7 @@ def _contending_holes(
     left_arcsec: Sequence[float | None],
     stay: int | None,
 ) -> list[int]:
-    """Return the indices of the holes that may be the best according to the first samples, and of the present one.
+    """Return the indices of the present hole and of all holes that may be the best according to the first samples.
 
     effects: effects with the factors of F'_ior in all holes.
     left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
@@ -534,14 +545,14 @@ def _contending_holes(
     assert basis.samples is not None
     F_ior = basis.samples.F_ior_arcsec[basis.rows]  # shape (rows, torques)
     first = basis.first_rows
-    # factors of each first sample times its F'_ior in the present hole
+    # the factors relate F'_ior in each hole to that in the present hole
     F_first = np.moveaxis(F_ior[first][:, :, None] * effects.hole_factors, 1, 0)  # shape (torques, first rows, holes)
     losses = losses_of(governing_share(F_first, F_first))
     best = int(losses.mean(axis=0).argmin())
     # paired differences over samples, which remove common effects of all holes
     behind = losses - losses[:, [best]]
     standard_error = behind.std(axis=0, ddof=min(1, len(first) - 1)) / np.sqrt(len(first))
-    # within _CLEAR standard errors of the best hole, or nearly as good
+    # a hole may win if it is within _CLEAR standard errors of the best hole, or nearly as good
     may_win = behind.mean(axis=0) <= _CLEAR * standard_error + _NEARLY
 
     bounds = _probability_bounds(effects, F_ior, left_arcsec)
@@ -564,8 +575,8 @@ def _probability_bounds(
 ) -> tuple[Array, Array] | None:
     """Return bounds of the probability that all limits are met in each hole, shape (holes,) each; None without a limit.
 
-    A sample counts for the lower bound if it meets the limits with the factors of all first samples, and for the upper
-    bound if it does with the factors of any of them.
+    A sample counts for the lower bound if it meets the limits with the factors of every first sample, and for the upper
+    bound if it meets them with the factors of at least one first sample.
 
     effects: effects with the factors of F'_ior in all holes.
     F_ior: F'_ior of all samples in the present position [arcsec], shape (rows, torques).
@@ -573,19 +584,21 @@ def _probability_bounds(
     """
     factors = effects.hole_factors  # shape (first rows, torques, holes)
     first, torques, holes = factors.shape
-    # every sample with the factors of every first sample, which gives the range of its possible errors
+    # the factors of all first samples give the range of possible errors of each sample
     in_holes = np.einsum("rt,fth->trfh", F_ior, factors)
     met = limits_met(in_holes.reshape(torques, -1, holes), left_arcsec)
     if met is None:
         return None
     met = met.reshape(len(F_ior), first, holes)
     weights = effects.samples.weights
-    # lower bound if all donors agree, upper bound if any of them does
     return np.average(met.all(axis=1), axis=0, weights=weights), np.average(met.any(axis=1), axis=0, weights=weights)
 
 
 def _level_places(drive: Drive) -> list[int]:
-    """Return evenly spaced indices of a free seat whose mean serves to compare torques; none for a seat with holes."""
+    """Return evenly spaced positions of a free seat, whose mean F'_ior is the reference at each torque.
+
+    The result is empty for a seat with holes, because all holes are then the reference.
+    """
     return [] if drive.mounting.holes else list(range(0, _FREE_POSITIONS, _FREE_POSITIONS // _LEVEL_PLACES))
 
 
@@ -594,9 +607,11 @@ def _mean_losses(
     turned: Samples,
     columns: Mapping[int, int],
 ) -> Array:
-    """Return the mean loss of each hole, shape (holes,), which is infinite for unsolved holes.
+    """Return the mean loss of each hole, shape (holes,); it is infinite for unsolved holes.
 
-    columns: index among the rotations of the samples, by index of the solved hole.
+    effects: effects with the factors of F'_ior in all holes.
+    turned: samples with F'_ior in the solved holes.
+    columns: index of the rotation among those of the samples, by index of the solved hole.
     """
     first = turned.of_ranges
     mean_factors = effects.hole_factors.mean(axis=0)  # shape (torques, holes)
@@ -622,9 +637,13 @@ def _kept_in_holes(
     left_arcsec: Sequence[float | None],
     sure: float,
 ) -> Array | None:
-    """Return the probability that all limits are met in each hole, as stated by `mount`; None without a limit.
+    """Return the probability that all limits are met in each hole, shape (holes,); None without a limit.
 
-    columns: index among the rotations of the samples, by index of the hole; the probability of other holes is 0.
+    It is the probability that `mount` states.
+
+    samples: samples with F'_ior in the solved holes.
+    columns: index of the rotation among those of the samples, by index of the solved hole; the result for unsolved
+        holes is 0.
     """
     if all(room_arcsec is None for room_arcsec in left_arcsec):
         return None
@@ -641,13 +660,13 @@ def _kept_in_holes(
 
 
 def _turn_texts(drive: Drive, turn_deg: float) -> tuple[str, ...]:
-    """Return changes of a preset that turn the fixed wheel; none for directions that are drawn from a range."""
+    """Return the changes of a preset that turn the fixed wheel; directions without a stated value are omitted."""
     texts = []
     for path in carried(drive):
         value = drive.value(path)
         if value is None:
             continue
-        # six digits, as printed for --set
+        # the values have the six digits that are printed for --set
         turned = float(f"{(float(value) + turn_deg) % 360:.6g}")
         spread = drive.uncertainty.get(path)
         texts.append(f"{path}={turned:g} ± {spread:g}" if spread else f"{path}={turned:g}")
@@ -663,17 +682,17 @@ def _corrected_step(
 ) -> tuple[Step, Certificate]:
     """Return the step to record a drive and to correct its strongest phasors, and the certificate.
 
-    The residual share of F'_ior after a correction is computed for a few full cycles and applied to each sample. The
-    cycles are that of the median sample, which is already known, and those of some others, evenly over F'_ior.
+    The share of F'_ior that remains after the correction is computed for a few full cycles and applied to each sample.
+    The cycles are that of the median sample, if it is solved, and those of further samples, evenly over F'_ior.
 
     effects: effects with the samples of the drive.
-    middle: full cycle of the median sample, if it is known.
+    middle: full cycle of the median sample; None if it is not solved.
     M_g: torque [N*m].
     now: outcome without the step.
     run: the run.
     """
     basis = effects.samples
-    # the drive of the check is one of the samples and is already solved
+    # the full cycle of the median sample needs no further solution
     shares = [] if middle is None else [_share_left(middle)]
     proof = EMPTY
     for corrected in _corrected_cycles(effects, M_g, len(shares), run):
@@ -706,7 +725,7 @@ def _corrected_cycles(
     available: int,
     run: Run,
 ) -> list[_Corrected]:
-    """Return the residuals of corrected full cycles of some samples, evenly over F'_ior.
+    """Return the residual shares of F'_ior in corrected full cycles of some samples, which are spread over F'_ior.
 
     effects: effects with the samples of the drive.
     M_g: torque [N*m].
@@ -719,7 +738,7 @@ def _corrected_cycles(
     if not count:
         return []
     order = np.argsort(effects.stated_arcsec, kind="stable")
-    # evenly over F'_ior by equal weights
+    # the samples are spread over F'_ior at equal steps of weight
     rows = order[even_rows(basis.weights[order], count)]
     cycles = basis.row_values(rows.tolist())
     depends = {
@@ -756,13 +775,13 @@ def _corrected(
     M_g: float,
     values: Mapping[str, float],
 ) -> _Corrected:
-    """Return the residual of the corrected full cycle of one sample at a torque [N*m]."""
+    """Return the residual share of F'_ior in the corrected full cycle of one sample at a torque [N*m]."""
     error = kinematic_error(drive.with_values(values), M_g, run=UNCHECKED)
     return _Corrected(_share_left(error), error.certificate)
 
 
 def _share_left(error: KinematicError) -> float:
-    """Return the residual share of F'_ior of a full cycle without its strongest phasors."""
+    """Return the share of F'_ior that remains if the strongest phasors of a full cycle are removed."""
     curve = error.error_arcsec
     spectrum = np.fft.rfft(curve)
     strongest = np.argsort(-np.abs(spectrum), kind="stable")[:_PHASORS_OFF]
@@ -777,10 +796,10 @@ def _questions(
     steps: Sequence[Step],
     now: Outcome,
 ) -> Iterator[Step]:
-    """Yield questions about the inputs with the largest influence, which divide the samples at the median of each.
+    """Yield a question about each input with a large influence: whether it is below or above its median.
 
     basis: samples of the drive.
-    steps: existing steps, whose questions are not repeated.
+    steps: other steps; if they ask about the coupling, no question about the support follows.
     now: outcome without an answer.
     """
     samples = basis.samples
@@ -804,7 +823,7 @@ def _answers_about(
     place: int,
     now: Outcome,
 ) -> tuple[Outcome, ...]:
-    """Return the outcomes of the answers that a field is below or above its median, omitting answers without samples.
+    """Return the outcomes of the answers that a field is below or above its median, except answers without samples.
 
     basis, samples: samples of the drive.
     place: index of the field in the prior.
@@ -812,7 +831,7 @@ def _answers_about(
     """
     field_prior = samples.prior.fields[place]
     values = field_prior.value(samples.shares[:, place])
-    # three digits, so that people can check the number
+    # three digits are enough for a question that a person answers
     median = float(f"{weighted_quantile(values, samples.weights, 0.5):.3g}")
     is_below = values < median
     F_ior = samples.F_ior_arcsec[:, basis.torque]
@@ -853,10 +872,11 @@ def _answered(
     F_ior: F'_ior of these samples [arcsec], shape (samples,).
     weights: weights of these samples, shape (samples,).
     basis: all samples.
-    now, before: outcome without an answer, over all sets of deviations and over one set of each sample.
+    now: outcome without an answer, over all sets of deviations.
+    before: outcome without an answer, over one set of deviations of each sample.
     """
     outcome = _outcome(F_ior, weights, basis.room_arcsec)
-    # the stated F'_ior includes further sets, to which the samples of an answer are scaled
+    # the stated outcome includes further sets of deviations, so the outcome over one set is scaled to it
     if not basis.has_sets:
         return outcome
     outcome = _scaled(outcome, now, before)
@@ -871,8 +891,8 @@ def _range_texts(
     low: float,
     high: float,
 ) -> tuple[str, ...]:
-    """Return changes of a preset that state a range of a field."""
-    # rounded as printed, so that the command gives the result on the page
+    """Return the changes of a preset that state a range for a field."""
+    # rounding as in print makes the printed command reproduce the printed result
     low = float(f"{low:.4g}")
     high = float(f"{high:.4g}")
     range_text = f"source.{path}={{kind: assumed, range: [{low:g}, {high:g}], ref: {SOURCE_REF}}}"
@@ -883,8 +903,11 @@ def _range_texts(
 
 
 def _usable_holes(drive: Drive) -> list[int]:
-    """Return the usable holes of the fixed wheel, or the positions of a free seat; none if no hole is better."""
-    # a turn cannot help, so no hole is considered
+    """Return the usable holes of the fixed wheel, or the positions of a free seat.
+
+    The result is empty if no hole is better than another.
+    """
+    # turning the wheel has no effect
     if no_hole_better(drive):
         return []
     if not drive.mounting.holes:
@@ -895,9 +918,10 @@ def _usable_holes(drive: Drive) -> list[int]:
 
 
 def _comparable_holes(basis: OptionSamples) -> list[int]:
-    """Return the holes that can be compared without a value in any of them; none if the directions are unknown.
+    """Return the holes that can be compared without measured values.
 
-    The result is also empty if F'_ior was measured on the drive, because mount then compares the holes by these values.
+    The result is empty if the directions of the deviations are unknown. It is also empty if F'_ior was measured on the
+    drive, because `mount` then compares the holes by these values.
     """
     drive = basis.prior.drive
     is_measured = is_error_measured(drive) and basis.samples is not None
@@ -907,5 +931,5 @@ def _comparable_holes(basis: OptionSamples) -> list[int]:
 def _apart(holes: Sequence[int]) -> list[int]:
     """Return up to _TRIED_HOLES of the given holes, as far apart as possible."""
     count = min(_TRIED_HOLES, len(holes))
-    # evenly over the list, which is in the order of the seat
+    # the list is in the order of the seat, so even steps in it are far apart
     return [holes[round(k * len(holes) / count)] for k in range(count)]

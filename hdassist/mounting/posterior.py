@@ -221,7 +221,7 @@ _PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]
 # a hundredth of F'_ior
 _LEAST_SQUARE = 1e-4
 _FREE_LEVEL = 1.0  # standard deviation of the logarithm of the level of both kinds of curves
-# relative standard deviation added to the noise of the values, so that curves are not sampled too near very exact values
+# relative standard deviation added to the noise of the values, because curves near very exact values are rarely drawn
 _FREE_NEAR = 0.01
 _STATED_SHARE = 0.5  # prior probability that the stationary eccentricity is as stated in the preset
 _OPEN = 40.0  # deg; standard deviation above which a direction is considered unknown
