@@ -473,7 +473,7 @@ class Fit:
 
     values: values in the sequence of the unknowns.
     predictions: quantity of each target in its unit; NaN for a drive without a result.
-    fault: reason why the drive has no result; otherwise empty.
+    fault: reason why the drive has no result; empty if it has one.
     """
 
     values: tuple[float, ...]
@@ -491,7 +491,7 @@ class _FoundValue:
     half_width: half-width of its interval, at the same confidence as the tolerances of the targets.
     low, high: bounds of the unknown.
     determined: share of the bounds' width by which the targets narrow the interval, 0..1.
-    held_at: bound that limits the value, None without one.
+    held_at: bound that limits the value; None if no bound limits it.
     """
 
     path: str

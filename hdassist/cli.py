@@ -47,10 +47,11 @@ _SECTIONS = (  # sections of options in sequence; sections of commands come befo
 )
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range in typer's notation
 _WIDEST = 31  # largest width of option names in columns, for example --limit [NAME@TORQUE=]VALUE ...
-_ADDRESSES = 512_000_000  # bytes of address space: with less, OpenBLAS hangs or ends the process while it loads
+# smallest address space [bytes]; with a smaller one, OpenBLAS hangs or ends the process while it loads
+_ADDRESSES = 512_000_000
 _SECTION_COLUMNS = 12  # width of the section column on the start page
 _NAME_COLUMNS = 13  # width of the name column on the start page
-_LONGEST_SENTENCE = 1000  # characters; no first sentence of a help text is longer
+_LONGEST_SENTENCE = 1000  # limit for the first sentence of a help text [characters], which no sentence reaches
 
 
 def bold(text: str) -> str:
@@ -272,7 +273,7 @@ _ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 # system faults of a device that is full or missing, and of exhausted resources
 _DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 _SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
-# set to 1: more threads do not speed up small matrices, and a process with several threads cannot be forked
+# variables that are set to 1: more threads do not speed up small matrices and prevent a fork of the process
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -384,7 +385,7 @@ def _give_wrong_usage(error: UsageError) -> None:
     """Write wrong usage as JSON to standard output, if --json is given and nothing was written there before.
 
     The JSON has its own schema because the command itself may be wrong. It is never written to the file of -o, which
-    may be wrong, too.
+    may also be wrong.
     """
     from hdassist.terminal.output import failure, json_text
 

@@ -354,7 +354,7 @@ def _with_solved_errors(
 
     checked: check with its samples, if there are any.
     shown_drive: the drive, with measured wheels in place of harmonics if there are any.
-    teeth: deviations of the measured wheels, None without.
+    teeth: deviations of the measured wheels; None if no wheel is measured.
     solver: as in `check`.
     run: processes, progress and seed.
     """
@@ -383,7 +383,7 @@ def _whole_errors(
 
     drives: one drive for each torque.
     torques: torques [N*m].
-    teeth: measured teeth of the wheels, None without.
+    teeth: measured teeth of the wheels; None if no wheel is measured.
     solver, run: as in `check`.
     """
     errors = []

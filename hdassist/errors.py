@@ -167,9 +167,9 @@ def percent_text(
     """Return a probability in per cent with its Monte Carlo interval: 89 % (81 to 94); PASS needs 95 %.
 
     value, low, high: probability and ends of its interval, which are rounded outwards.
-    needed: probability that the outcome needs; shown if given. A smaller value is not rounded up to it, and a value
-        above 1 - needed is not rounded down to that.
-    outcome: verdict or instruction that needs this probability.
+    needed: smallest probability for the outcome, which is shown if given. A smaller value is not rounded up to it, and
+        a value above 1 - needed is not rounded down to 1 - needed.
+    outcome: verdict or instruction that requires this probability.
     """
     percent = f"{100 * value:.0f}"
     if needed and verdict_by_probability(value, needed) is not verdict_by_probability(round(value, 2), needed):
@@ -197,7 +197,7 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
 
 
 def worst_exit_code(codes: Iterable[int]) -> int:
-    """Return the most severe exit code; 0 without any."""
+    """Return the most severe exit code; 0 if there are no codes."""
     return min(
         codes,
         key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1,

@@ -28,7 +28,13 @@ class _Term:
 
 @dataclass(frozen=True)
 class _Symbols:
-    """Symbols with one meaning: in the paper, in the code (Markdown), in words, and their unit."""
+    """Symbols with one meaning.
+
+    paper: symbols in the paper.
+    code: names in the code, in Markdown.
+    words: the meaning.
+    unit: the unit.
+    """
 
     paper: Sequence[str]
     code: str
@@ -279,7 +285,7 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
 
 
 def _entries_of_parts(phrase: str) -> list[Entry]:
-    """Return the entries of the longest parts of a phrase that have entries, each entry once; empty without any."""
+    """Return the distinct entries of the longest parts of a phrase that have entries; empty if no part has entries."""
     phrase_words = phrase.split()[:_LONGEST_PHRASE]
     for size in range(len(phrase_words) - 1, 0, -1):
         entries_of_size: list[Entry] = []

@@ -149,7 +149,7 @@ class TextFile:
         return io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(errors), translate=True)
 
     def _readable(self, lines: str) -> str:
-        """Return the lines, with those decoded as Latin-1 that are not UTF-8."""
+        """Return the lines; those that are not UTF-8 are decoded as Latin-1."""
         if lines.isascii() or not _NOT_UTF_8.search(lines):
             return lines
         self.is_latin = True
@@ -276,7 +276,10 @@ _ALIKE = 0.65  # smallest share of equal letters, without the extension, of simi
 
 
 def _near_files(path: Path) -> list[str]:
-    """Return existing files with names similar to a missing one. Raises OSError or ValueError without its directory."""
+    """Return existing files with names similar to that of a missing file.
+
+    Raises OSError or ValueError if its directory does not exist or cannot be read.
+    """
     names: dict[str, list[str]] = {}
     for item in path.parent.iterdir():
         names.setdefault(item.stem.lower(), []).append(item.name)
@@ -348,7 +351,7 @@ def is_claimed(path: str) -> bool:
 
 
 def note_written(path: str) -> None:
-    """Record that a result is in a file, or on standard output ("-")."""
+    """Record that a result was written to a file, or to standard output ("-")."""
     _written.add(path)
 
 

@@ -179,7 +179,7 @@ _TONES = {  # tones of verdicts and labels; all others have none
 
 
 def tone_of(words: str) -> str:
-    """Return the tone of a verdict or label from its words before a comma or colon; empty without one."""
+    """Return the tone of a verdict or label from its words before a comma or colon; empty if it has no tone."""
     return _TONES.get(re.split("[,:]", words)[0], "")
 
 
@@ -271,7 +271,12 @@ class Table:
 
 @dataclass(frozen=True)
 class CurveMark:
-    """A marked point of a curve with a text; kind: now, target or limit."""
+    """A marked point of a curve.
+
+    x, y: position of the point.
+    words: text at the point.
+    kind: now, target or limit.
+    """
 
     x: float
     y: float
@@ -293,7 +298,7 @@ class Curve:
     from_zero: whether the axis of y begins at 0.
     second: another series over x, shape (n,).
     names: names of both series.
-    rows: approximate height in rows of characters.
+    rows: approximate height in text rows.
     """
 
     x: Series
@@ -325,8 +330,7 @@ class Curve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Ends of the y axis, which includes the limit, and 0 if the axis begins there."""
-        # everything drawn beside the curve widens its axis
+        """Ends of the y axis, which includes all values, the limit if there is one, and 0 if `from_zero` is set."""
         values = [*self.extent]
         if self.from_zero:
             values.append(0.0)
@@ -371,7 +375,7 @@ class Seat:
     places: marked positions of the wheel.
     pointers: pointers from the centre.
     barred: letter of holes that are not allowed.
-    legend: meaning of letters and numbers in a drawing with characters.
+    legend: meaning of letters and numbers in a drawing in text characters.
     note: text below the title of a drawing in HTML.
     """
 
@@ -463,7 +467,7 @@ class Report:
 
     @property
     def subject(self) -> str:
-        """Subject of warnings; empty without any."""
+        """Subject of warnings; empty if the result has neither a subject nor a drive."""
         return self.about or (self.drive.name if self.drive else "")
 
 
@@ -521,10 +525,12 @@ def schema_of(command: str) -> str:
 
 
 def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
-    """Return certificate, cross-check and engine as JSON; the worst values of all torques.
+    """Return certificate, cross-checks and engine as JSON, with the worst values of all torques.
 
-    found: certificate of states, or a cached one, which has only its largest residual. The engine is that of states
-        solved without --solver.
+    The engine is that of states solved without --solver.
+
+    found: certificate of states, or a cached certificate, which has only its largest residual.
+    cross_checks: cross-checks; None for a torque without one.
     """
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library

@@ -283,7 +283,7 @@ def _conclude(
         key=lambda single: single.chi_square,
         default=base,
     )
-    # the simplest explanations come first: no difference to explain, or a file read the other way round
+    # the simplest explanations come first: no difference to explain, or a mirrored file
     if mirrored or (base.sufficient and not best.clear):
         return _Conclusion("mirrored" if mirrored else "agrees")
     if best.clear and best.sufficient:

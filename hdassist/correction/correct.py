@@ -172,7 +172,7 @@ class Correction:
     fewest_points: points of a table over the output revolution that halves the error; None if no tried number does.
     phasors: median of the residual range [arcsec], by number of correction terms.
     records: recordings by torque [N*m].
-    misfit: relative misfit of the drives that agree with recordings of part of the cycle; otherwise None.
+    misfit: relative misfit of the drives that agree with recordings of part of the cycle; None without such recordings.
     samples: samples of the drive; None if it has no uncertain inputs.
     certificate: certificate of the solved states.
     """
@@ -841,7 +841,7 @@ class VerifiedCorrection:
     promised: predicted residual.
     promised_parts: predicted parts of the residual; empty for a part of the cycle.
     parts: measured parts of the residual; empty for a part of the cycle.
-    cause: likely reason if the residual exceeds the prediction; otherwise empty.
+    cause: likely reason why the residual exceeds the prediction; empty if it does not, or if no reason is found.
     verdict: verdict on the correction.
     """
 

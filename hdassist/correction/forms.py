@@ -185,7 +185,7 @@ class CorrectionForm:
         return f"{kind}, each load" if self.each_load else kind
 
     def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
-        """Return the corrections of drives at a torque M_g [N*m] from their lines there; drives are the first axis."""
+        """Return the corrections of drives at a torque M_g [N*m], fitted to their lines; the first axis is by drive."""
         if self.turn is None:
             return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)

@@ -20,7 +20,7 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 _ARCSEC_A_TURN = 1_296_000
-# apparent motion of an hour axis per second of clock time; 15 per sidereal second
+# apparent motion of an hour axis per second of clock time [arcsec/s]; it is 15 arcsec per sidereal second
 _SIDEREAL_ARCSEC_A_SECOND = 15.041067
 _MOTEUS_BINS = 256
 _INT8_MOST = 127
@@ -204,7 +204,7 @@ def correction_file(
 
 
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
-    """Return a warning with a better form if a table leaves more than half of the error; otherwise an empty text."""
+    """Return a warning with a better form if a table leaves more than half of the error, or an empty text."""
     form = result.chosen.form
     _, residual_share, _ = result.chosen.left
     if residual_share <= _POOR_SHARE:

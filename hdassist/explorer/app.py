@@ -215,7 +215,7 @@ class _Exporting(Asking):
         text: Callable[[str], str],
         written: Callable[[], object] = str,
     ) -> None:
-        """Ask for a file name and write a text to the file; an existing file is replaced only after a question.
+        """Ask for a file name and write a text to the file, after a question if the file exists.
 
         title: title of the form.
         name: suggested name.
@@ -230,7 +230,7 @@ class _Exporting(Asking):
             self.notify(visible(f"wrote {path}"), markup=False)
 
         def take(path: str) -> None:
-            # standard output would overwrite the screen
+            # text on standard output would overwrite the screen
             if path == "-":
                 raise UsageError("the screen uses standard output", "name a file")
             require_writable(path, force=True)
@@ -293,7 +293,7 @@ class _Exporting(Asking):
         self.notify("the command line is on the clipboard")
 
     async def action_quit(self) -> None:
-        """Quit; ask first if a change, or an undone change, has not been saved."""
+        """Quit, after a question if there are unsaved changes or undone changes."""
         command = self.session.command("explore")
         question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
         # an undone change can be redone only in this session
@@ -391,8 +391,8 @@ class Explorer(_Exporting):
 
     def on_mount(self) -> None:
         """Request the first results."""
-        # in tests, the screen runs beside others
-        if not self.is_headless:  # a headless screen leaves stops to its process
+        # a headless screen in a test leaves stops to its process
+        if not self.is_headless:
             self._end_when_told()
         self.side.border_title = "INPUTS"
         self.holes.focus()
@@ -438,7 +438,7 @@ class Explorer(_Exporting):
             self.ask("turn", known_data, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
-        """Return typical values for the error over a revolution; empty if all deviations are known."""
+        """Return the typical values of uncertain inputs for the revolution; empty if all deviations are known."""
         return self.known.typical if unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
@@ -502,8 +502,8 @@ class Explorer(_Exporting):
     def _keys(self) -> Content:
         """Return the keys available at the focus; a click simulates a key."""
         keys: dict[str, tuple[str, str]] = {}
-        # keys of the main screen do not work in a dialog
-        if isinstance(self.screen, ModalScreen):  # a dialog shows its own keys
+        # a dialog shows its own keys, and the keys of the main screen do not work there
+        if isinstance(self.screen, ModalScreen):
             return Content("")
         for active in self.screen.active_bindings.values():
             if (key := active.binding).show and active.enabled:
@@ -613,9 +613,9 @@ class Explorer(_Exporting):
         self.show(state.turned_state(self.session, by))
 
     def action_look(self, letter: str) -> None:
-        """Select the position that has a letter now; show the reason if there is none."""
+        """Select the position with a letter; show a message if no position has the letter."""
         place = next((angle_deg for angle_deg, letters in self._letters().items() if letter in letters), None)
-        # there is no letter yet, or none of this kind
+        # before the recommendation, and among equal holes, no position has the letter of the best hole
         if place is None:
             message = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
             self.notify(visible(message), severity="warning", markup=False)
@@ -633,7 +633,7 @@ class Explorer(_Exporting):
         self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
     def action_sort(self) -> None:
-        """Show inputs by group, or by their present effect."""
+        """Switch between inputs by group and inputs sorted by their present effect."""
         self.is_grouped = not self.is_grouped
         if self.known.effects:
             self.levers.sort_by_effect(self.known.effects, self.torque % len(self.session.drive.operation.M_g))

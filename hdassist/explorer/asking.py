@@ -35,7 +35,8 @@ from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
 _BAR_COLUMNS = 16  # width of the progress bar in columns
-REST = 0.7  # s without a key press before the error over a revolution and the steps of inputs are requested
+# time without a key press before the error over a revolution and the steps of inputs are requested [s]
+REST = 0.7
 _THEMES = ("textual-light", "textual-dark")
 # replacements of one column each
 _SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v-#-|=~')
@@ -43,7 +44,7 @@ _SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫�
 
 @dataclass
 class Known:
-    """Results for one variant of the drive; old is the check of the previous variant."""
+    """Results for one variant of the drive; `old` is the check of the previous variant."""
 
     curve: SeatCurve | None = None
     check: DesignCheck | None = None  # interim check from the samples so far, until its page is there
@@ -59,7 +60,7 @@ class Known:
 
     @property
     def whole(self) -> DesignCheck | None:
-        """Complete result of `check`, None before."""
+        """Result of `check`; None until it is complete."""
         return self.check if self.page else None
 
     @property
@@ -189,7 +190,7 @@ class Asking(App[int]):
         )
 
     def ask_of_drive(self) -> None:
-        """Request the results of `check` and `mount`, unless they are there."""
+        """Request the results of `check` and `mount` unless they are already available."""
         if self.known.advice is not None:
             self.workers.cancel_group(self, "drive")
             self.asked.pop("drive", None)

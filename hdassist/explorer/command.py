@@ -136,9 +136,9 @@ class _Answering:
 
 
 class _ForkedProcesses:
-    """Processes forked from a server process that has imported all required modules once, within a second.
+    """Processes forked from a server process that imports all required modules once.
 
-    Each starts within milliseconds and has no threads of the screen.
+    The import takes a second. Each process starts within milliseconds and has no threads of the screen.
     """
 
     def __init__(self) -> None:
@@ -163,7 +163,7 @@ class _ForkedProcesses:
         return _Answering(process, receiving_end)
 
     def waiting(self) -> list[_Answering]:
-        """Return the processes that wait for a request; there are none."""
+        """Return an empty list, because no process waits for a request."""
         return []
 
 
@@ -286,7 +286,7 @@ def _leave_screen() -> None:
 
 
 def _answer(question: Question, there: Connection) -> None:
-    """Compute a request and send each result as soon as it is there."""
+    """Compute a request and send each result as soon as it is available."""
     try:
         question(lambda *found: there.send(found))
     except HdassistError as error:

@@ -1,4 +1,4 @@
-"""Results of the explorer, computed in processes beside the screen; `tell` receives each one as soon as it is there."""
+"""Results of the explorer, computed in separate processes; `tell` receives each result as soon as it is available."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 from hdassist.variants import differing_fields
 
-_TOLD_EVERY = 0.3  # s between two reports of the completed share
+_TOLD_EVERY = 0.3  # time between two reports of the completed share [s]
 _MOST_TOLD = 0.99  # largest reported share, because the total is an estimate
 _FEWEST_SEEN = 8  # effective sample size below which no interim range is shown
 _SEED = 0  # seed of samples and of states solved again, as in the commands
@@ -74,12 +74,12 @@ class SeatCurve:
     sure: tuple[str, ...]
 
     def surety(self, rotation_deg: float) -> str:
-        """Return the kind of verification at a rotation; empty for any other rotation."""
+        """Return the kind of verification at a rotation; empty if it is not among the rotations."""
         place = self.place(rotation_deg)
         return "" if place is None else self.sure[place]
 
     def place(self, rotation_deg: float) -> int | None:
-        """Return the index of a rotation, None for any other rotation."""
+        """Return the index of a rotation; None if it is not among the rotations."""
         is_near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
         return int(is_near.argmax()) if is_near.any() else None
 
@@ -98,7 +98,7 @@ class LeverEffects:
 
     steps: by field, its step in its unit, and the change of F'_ior at each torque [arcsec].
     differing: fields in which the pinned drive differs, whose step leads to its value.
-    is_whole: whether all effects are there.
+    is_whole: whether all effects are computed.
     """
 
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
@@ -206,7 +206,7 @@ def _tell_searched(
 
 
 class _Share:
-    """Progress that is called with solved states, and reports their share of a total at intervals."""
+    """Progress callback that receives numbers of solved states and reports their share of a total at intervals."""
 
     def __init__(self, total: int, tell: _Tell) -> None:
         self._solved = 0
@@ -230,7 +230,11 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
 
 
 def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
-    """Return the typical values for inputs that are also uncertain, with the same value, in another drive."""
+    """Return the typical values of inputs that are also uncertain in another drive and have the same nominal value.
+
+    found: check of the drive.
+    drive: the other drive.
+    """
     open_ = {field.path for field in prior_of(drive).fields if found.drive.value(field.path) == drive.value(field.path)}
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
@@ -313,7 +317,13 @@ def _steps(
 
 
 def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:
-    """Return a field, its first step to a valid drive, and F'_ior there at each torque, None without a result."""
+    """Return a field, its first step to a valid drive, and F'_ior [arcsec] after this step, shape (torques,).
+
+    Without a result, the step is 0 and F'_ior is None.
+
+    drive: the drive.
+    steps: path of the field, and its steps in order of preference.
+    """
     path, sizes = steps
     together = TEETH_FIELDS if path in TEETH_FIELDS else [path]
     for by in sizes:

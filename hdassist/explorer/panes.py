@@ -65,12 +65,16 @@ _TICKS = tuple(
 
 
 def _torque_style(place: int) -> str:
-    """Return the style of the torque with an index."""
+    """Return the style of a torque; place: index of the torque."""
     return _INK[place % len(_INK)]
 
 
 def _torque_sign(place: int, sure: str = SURE_RANGE) -> str:
-    """Return the bar of the torque with an index, which can be distinguished without colour."""
+    """Return the sample bar of a torque, which can be distinguished without colour.
+
+    place: index of the torque.
+    sure: kind of verification.
+    """
     line = _BAR_LINES[place % len(_BAR_LINES)]
     return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(_BAR_LINES)]}{line}"
 
@@ -96,7 +100,11 @@ class KeyedTable(DataTable[Text]):
         self.post_message(self.Resized())
 
     def fill(self, heads: Sequence[str], rows: Mapping[str, Sequence[Text]]) -> None:
-        """Show rows; with the focus, the cursor stays on its key."""
+        """Show rows under heads; if the table has the focus, the cursor stays on its row.
+
+        heads: heads of the columns.
+        rows: cells of each row, by key.
+        """
         # columns are as wide as their widest cell
         columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
@@ -235,7 +243,10 @@ def _range_marks(
 
 
 def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
-    """Return the 5th, 50th and 95th percentiles of F'_ior [arcsec] at each torque in a position; empty without any."""
+    """Return the 5th, 50th and 95th percentiles of F'_ior [arcsec] in a position, one list per torque.
+
+    The result is empty if there are no results for the position.
+    """
     place = found.place(rotation_deg) if found else None
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
 
@@ -246,7 +257,12 @@ def values_of(
     *,
     medians: bool = False,
 ) -> list[Text]:
-    """Return F'_ior at each torque in a position: a value, its 5th and 95th percentiles, or only its median."""
+    """Return F'_ior in a position as text, one per torque: a single value, two percentiles, or the median.
+
+    found: F'_ior over the positions.
+    rotation_deg: the position [deg].
+    medians: whether medians are returned instead of the 5th and 95th percentiles.
+    """
     texts = []
     for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
         text = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
@@ -321,7 +337,7 @@ class Pane(VerticalScroll):
         yield self._text
 
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
-        """Show texts and blocks; nothing as long as there is no space."""
+        """Show texts and blocks if the pane is wide enough for text."""
         style = Style(
             ascii=ascii,
             codes=False,
@@ -557,7 +573,12 @@ def _best_hole_column(
     known: Known,
     surety: str,
 ) -> dict[str, list[str]]:
-    """Return F'_ior in the best hole, empty if it is the present one; surety: verification of the numbers beside it."""
+    """Return the column with F'_ior in the best hole; empty if the best hole is the present one or there is no result.
+
+    session: the session.
+    known: results for its drive.
+    surety: kind of verification of the other columns, which the column must have.
+    """
     advice = known.advice
     best_deg = advice.chosen.rotation_deg if advice and advice.word != "ANY_HOLE" else 0.0
     # nominal values are not shown beside medians
@@ -570,7 +591,7 @@ def _best_hole_column(
 
 
 def _table_within(columns: dict[str, list[str]], width: int) -> RichTable:
-    """Return a table of the columns that have space, omitting the last ones first and the verdict at the very end."""
+    """Return a table of the columns that fit in a width; the last columns are omitted first, and the verdict last."""
     columns = dict(columns)
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:
@@ -601,7 +622,11 @@ def next_text(known: Known) -> str:
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:
-    """Yield the first input revolution from a page of `trace`, or its full cycle with the largest orders."""
+    """Yield the blocks of a page of `trace` for a pane.
+
+    page: the page.
+    name: turn for the first input revolution, cycle for the full cycle with the largest orders.
+    """
     for block in reversed(page.blocks):
         if isinstance(block, Curve) and name == "turn":
             first = block.x < 1
@@ -633,7 +658,11 @@ def why_blocks(known: Known) -> tuple[Block, ...]:
 
 
 def facts_of(report: Report | None, *left_out: str) -> Facts:
-    """Return labelled lines of a page with its warnings and verification, without the next command and given labels."""
+    """Return the labelled lines of a page, followed by its warnings and verification.
+
+    report: the page; None gives no lines.
+    left_out: labels that are omitted, in addition to the next command.
+    """
     if not report:
         return Facts(())
     rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]

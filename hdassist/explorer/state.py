@@ -44,7 +44,7 @@ class _StateSource:
 
     @classmethod
     def of(cls, name: str, overrides: tuple[str, ...] = ()) -> _StateSource:
-        """Return a preset by its name or file. Raises DataError if there is none."""
+        """Read a preset by its name or file. Raises DataError if there is no such preset."""
         return cls(name, *read_preset(name), overrides)
 
     def drive(self, changes: _Changes = ()) -> Drive:
@@ -95,7 +95,7 @@ class Session:
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """Rotations in which the wheel can be shown [deg]."""
+        """Rotations that can be selected for the wheel [deg]."""
         holes = self.drive.mounting.holes or round(360 / FREE_STEP_DEG)
         return tuple(360 * k / holes for k in range(holes))
 
@@ -144,8 +144,8 @@ def edited(
 ) -> Session:
     """Return the session with a changed field; an empty value reverts the change.
 
-    Numbers of teeth change together: one number, or the ratio (100:1), keeps their difference. Raises UsageError with
-    the message of the loader if the value is invalid.
+    Both numbers of teeth change together and keep their difference; the value may also be the ratio (100:1). Raises
+    UsageError with the message of the loader if the value is invalid.
     """
     drive = session.drive
     value = value.strip()

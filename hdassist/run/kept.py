@@ -89,10 +89,10 @@ class KeptOwner(ClosedRecord):
         now: owner of this run.
         path: name of the file.
         """
-        # convert both to JSON and back, so that tuples and lists are equal
+        # a conversion to JSON and back makes tuples and lists equal
         before, after = (json.loads(json.dumps(asdict(owner))) for owner in (self, now))
         for inputs, name in product((before, after), ("inputs", "options")):
-            # flat keys, so that each difference has its own name
+            # flat keys give each difference its own name
             inputs |= {f"{name}.{key}": value for key, value in inputs.pop(name).items()}
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
@@ -186,7 +186,7 @@ class Kept(Generic[_RecordT]):
             # include the checksum of the previous line
             lines.append(_sealed({"item": item, **self._kind.adapter.dump_python(record, mode="json")}, checksum))
             checksum = _checksum_of(lines[-1])
-        # a single write, so that a stop leaves complete lines or one incomplete line
+        # after a single write, a stop can only leave complete lines and one incomplete last line
         self._write(b"".join(lines), len(lines))
         self._checksum = checksum
 

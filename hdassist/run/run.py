@@ -96,7 +96,7 @@ class Run:
 
     @property
     def of_task(self) -> Run:
-        """Settings for one task: in a separate process it reports only when it is done, in this process as usual."""
+        """Settings for one task, which reports its progress itself only if it runs in this process."""
         return replace(
             self,
             executor=None,
@@ -104,17 +104,20 @@ class Run:
         )
 
     def finished(self, states: int) -> None:
-        """Report the states of a task to the progress if the task could not do so itself."""
+        """Report the states of a finished task to the progress callback if the task ran in a separate process.
+
+        states: number of states.
+        """
         if self.executor:
             self.solved(states)
 
 
-UNCHECKED = Run(cross_check=None)  # in this process, without a cross-check
+UNCHECKED = Run(cross_check=None)  # settings for work in this process without a cross-check
 
 # --- dask: workers of another package, on one machine or many
 
-_RETRIES = 3  # number of attempts for a task whose worker was lost
-TIMEOUT = 10.0  # s; time allowed for a scheduler to respond
+_RETRIES = 3  # number of retries for a task whose worker was lost
+TIMEOUT = 10.0  # longest time to wait for the response of a scheduler [s]
 _Installation = Callable[[], object]  # returns everything that the digits of a result depend on
 
 
@@ -189,8 +192,8 @@ def cluster(
     except ImportError as error:
         message = f"--executor dask needs a package that is not installed: {error.name or error}"
         raise UsageError(message, command_line(["pip", "install", "hdassist[dask]"])) from None
-    # every error means that no work can be done there
-    except Exception as error:  # dask and its transports raise errors of many types when they cannot connect
+    # dask and its transports raise errors of many types when they cannot connect
+    except Exception as error:
         message = f"cannot reach or start {name}: {str(error) or type(error).__name__}"
         raise DataError(
             message, "check that its scheduler is running and reachable from this machine", Fault.SYSTEM_LIMITS
@@ -313,9 +316,9 @@ def stream(
     """
     # pickle the work once, instead of with each chunk
     pickled = pickle.dumps(work)
-    # number of items of each chunk, and its result
+    # each chunk has its number of items and its future result
     chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()
-    # duration [s] and number of items of finished chunks, with most weight on the last ones
+    # `cost` and `counted` are the duration [s] and number of items of finished chunks; recent chunks have more weight
     end = done
     cost = 0.0
     counted = 0.0
@@ -324,16 +327,16 @@ def stream(
         try:
             while done < total:
                 at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
-                # submit a few chunks ahead, so that no worker waits for the process that collects the results
+                # a few chunks are submitted in advance because no worker should wait for the results to be collected
                 while end < total and len(chunks) < AHEAD * at_a_time:
-                    # from the measured duration of an item; 0 before the first chunk is done
+                    # the size follows from the measured duration of an item; it is 0 before the first chunk is done
                     by_time = int(seconds * max(1.0, at_a_time / _MANY) * counted / max(cost, 1e-9))
-                    # smaller chunks at the end, so that all processes finish together
+                    # chunks become smaller at the end, which lets all processes finish together
                     to_the_end = -(-(total - end) // (2 * at_a_time))
                     size = max(1, min(by_time, MOST_ITEMS, to_the_end))
                     chunks.append((size, engine.submit(_timed, pickled, end, end + size)))
                     end += size
-                # in order, because the records of a file are in the order of the items
+                # results are collected in order because the records of a file are in the order of the items
                 size, answer = chunks.popleft()
                 took, records = answer.result()
                 if len(records) != size:
@@ -344,7 +347,7 @@ def stream(
                 done = done + size
                 yield records
         finally:
-            # the consumer stopped, or an error was raised
+            # chunks remain if the consumer stopped or an error was raised
             for _, answer in chunks:
                 answer.cancel()
 
@@ -449,7 +452,7 @@ class Processes(ThreadPoolExecutor):
     """Processes to which threads pass tasks through pipes, because a standard pool may wait for a killed process.
 
     size: number of processes.
-    beside: executor with one further process, for tasks that import large packages; None without one.
+    beside: executor with one further process, for tasks that import large packages; None if there is no such process.
     """
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
@@ -519,7 +522,7 @@ class Processes(ThreadPoolExecutor):
         if self.beside:
             self.beside.kill()
         self._is_over = True
-        # killed instead of terminated, because a solver does not handle signals
+        # processes are killed instead of terminated, because a solver does not handle signals
         for process in self._processes:
             process.kill()
 
@@ -545,8 +548,8 @@ def _work(
     parent: id of the parent process.
     """
     begin_worker(parent)
-    # before any task creates objects
-    gc.freeze()  # imported modules stay shared with the parent and are skipped by the garbage collector
+    # frozen before any task, imported modules stay shared with the parent and are skipped by the garbage collector
+    gc.freeze()
     here.close()
     with suppress(OSError):  # the parent process has ended
         there.send(None)
@@ -558,14 +561,14 @@ def _work(
         try:
             there.send((True, task(*args, **keywords)))
         except Exception as error:  # any error of a task is raised again where its result is requested
-            # for --debug, because a traceback cannot be pickled
+            # the note contains the traceback for --debug, because a traceback object cannot be pickled
             error.add_note("".join(traceback.format_exception(error)))
             with suppress(OSError):  # the requesting process has ended
                 there.send((False, error))
 
 
 def begin_worker(parent: int, *, of_thread: bool = False) -> None:
-    """Leave stops to the parent process, and end when it ends, in whatever way.
+    """Leave stops to the parent process, and end this process when the parent ends for any reason.
 
     Linux kills the worker, even in the middle of a solver. On other systems, and if an intermediate process did the
     forking, a thread waits for the end of the parent, because the intermediate process lives as long as its workers.
@@ -583,7 +586,7 @@ def begin_worker(parent: int, *, of_thread: bool = False) -> None:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     # the parent may have ended between the start of this process and the request to the system
     if has_ended(parent):
-        # without cleanup, because files belong to the parent
+        # the process exits without cleanup, because files belong to the parent
         os._exit(1)
 
 

@@ -43,8 +43,8 @@ def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
 def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
     """Yield items until the first interrupt, which ends the wait for the next item but not the process.
 
-    This serves work that has a result with the items so far. A second stop ends the process. The return value is
-    whether the work was interrupted.
+    It is meant for work that has a result after any number of items. A second stop ends the process. The return value
+    of the generator is whether the work was interrupted.
     """
     global _is_waiting, _is_interruptible
     _is_interruptible = True

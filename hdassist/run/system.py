@@ -43,12 +43,12 @@ def locks_beside() -> bool:
 
 
 def lock(descriptor: int) -> None:
-    """Take the lock of an open file, which lasts until the file is closed or the process ends, in whatever way.
+    """Take the lock of an open file, which lasts until the file is closed or the process ends for any reason.
 
     descriptor: descriptor of the file; on Windows its first byte is locked.
 
-    Raises BlockingIOError if another process has the lock, OSError if the file system has no locks, which Windows does
-    not distinguish from a lock of another process.
+    Raises BlockingIOError if another process has the lock, and OSError if the file system has no locks. On Windows,
+    BlockingIOError is raised in both cases.
     """
     if sys.platform == "win32":
         import msvcrt
@@ -104,7 +104,7 @@ class PrivateFolder:
         self.descriptor = descriptor
 
     def read(self, name: str, at_most: int) -> bytes | None:
-        """Return the content of a file of this user, None for any other file.
+        """Return the content of a file that only this user can write; None for any other file and for a larger file.
 
         name: name of the file.
         at_most: largest accepted size [bytes].
@@ -218,7 +218,7 @@ def private_folder(
         # a user who can write to the parent can replace the folder
         if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named}")
-        # created through the open parent, so that its path cannot be exchanged in the meantime
+        # the folder is created through the open parent, whose path cannot be exchanged in the meantime
         if makes:
             with suppress(FileExistsError):
                 os.mkdir(own, 0o700, dir_fd=parent)
@@ -230,7 +230,7 @@ def private_folder(
     finally:
         os.close(parent)
     try:
-        # status of the open folder, not of its path
+        # the status is that of the open folder, because its path may be exchanged
         about = os.fstat(folder)
         if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
             raise UnsafeFolderError(f"another user can write to {named / own}")
@@ -270,11 +270,11 @@ _LOOK_EVERY = 0.02  # s; interval between checks
 
 
 def start_method() -> str:
-    """Return the start method of processes, with a fork of the imported modules if possible (an import takes a second).
+    """Return the start method of processes, which is a fork if possible because importing all modules takes a second.
 
-    A fork of a process with threads may inherit a lock that is never released. In that case a process without threads,
-    which has imported the same modules, does the forking. Solvers start threads that Python does not know, but the
-    system does.
+    A fork of a process with threads may inherit a lock that is never released. In that case, a server process without
+    threads, which has imported the same modules, is forked. Threads are counted by the system, because solvers start
+    threads that Python does not know.
     """
     if sys.platform != "linux" or os.environ.get(SPAWN):
         return "spawn"
@@ -294,9 +294,9 @@ def has_forkserver() -> bool:
 
 
 def begin_resource_tracker() -> None:
-    """Start the process with which multiprocessing removes leftovers of other processes, if there is one.
+    """Start the resource tracker of multiprocessing, which removes leftovers of other processes; Windows has none.
 
-    It is started at this point because it unblocks signals and inherits the current streams.
+    The tracker is started explicitly because it unblocks signals and inherits the current streams.
     """
     if sys.platform != "win32":
         from multiprocessing import resource_tracker
@@ -322,7 +322,7 @@ def is_killed_with_parent(parent: int) -> bool:
 
 
 def has_ended(process: int) -> bool:
-    """Return whether a process has already ended, or False if the system has no fast check."""
+    """Return whether a process has ended; False if the system has no fast check."""
     if sys.platform != "linux":
         return False
     from pathlib import Path
@@ -339,7 +339,7 @@ def core_count() -> int:
 
 
 def address_limit() -> int | None:
-    """Return the limit of the address space of this process [bytes] (ulimit -v), None if there is none."""
+    """Return the limit of the address space of this process [bytes] (ulimit -v); None if there is no limit."""
     if sys.platform == "win32":
         return None
     import resource
@@ -450,10 +450,10 @@ async def wait_until_readable(connection: Connection, sentinel: int) -> bool:
 
 
 def wait_for_hangup(descriptor: int) -> bool:
-    """Wait until the terminal of an open stream is gone and return whether it is.
+    """Wait until the terminal of an open stream is closed, and return whether it was closed.
 
-    No signal reports this if SIGHUP is ignored (nohup). Windows ends all processes of a closed console. On Windows, and
-    on systems that cannot detect it, the result is False at once.
+    No signal reports the closing if SIGHUP is ignored (nohup). Windows ends all processes of a closed console. On
+    Windows, and on systems that cannot detect the closing, the result is False at once.
     """
     if sys.platform == "win32":
         return False
@@ -569,7 +569,7 @@ def output_encoding(stream: Any) -> str:
 
 
 def pipe_stream(stream: TextIO) -> TextIO:
-    """Return a stream that raises BrokenPipeError when its reader is gone, for which Windows has another error."""
+    """Return a stream that raises BrokenPipeError when its reader is gone; Windows raises another error by default."""
     if sys.platform != "win32" or stream.isatty():
         return stream
     try:

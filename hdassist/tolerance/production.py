@@ -44,7 +44,7 @@ RAYLEIGH_TAIL = (
     3.0  # tolerance in standard deviations of each component of a Rayleigh-distributed size: 1 in 90 is beyond it
 )
 _PRODUCTION_FREE_STEP = 30.0  # step between positions if the seat has no holes [deg]
-TIGHTER_STEP = 0.8  # factor of a tolerance that is one step tighter
+TIGHTER_STEP = 0.8  # ratio of a tolerance that is one step tighter to the present tolerance
 _MOST_WEIGHT = 1e9  # largest weight of a design, far above the weights from reference data
 _DRAWS_PER_DESIGN = 64  # maximum number of draws for each design that agrees with the reference data
 _MapsOf = Callable[[Drive], list[ErrorMap]]  # function that returns the error maps of a drive, one per torque
@@ -57,11 +57,11 @@ class TolerancedSize(FieldPrior):
     law: _SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
-        """Return the quantiles of the size, in the field's unit; share: shares of the parts, of the same shape."""
-        # worst case: every part is at its limit
+        """Return the quantiles of the size, in the field's unit; share: quantile levels, whose shape the result has."""
+        # in the worst case, every part is at its limit
         if self.law == "fixed":
             return np.full_like(share, self.high)
-        # eccentricity with normal components x and y, truncated at the tolerance
+        # the components x and y are normal, and the size is truncated at the tolerance
         if self.law == "rayleigh":
             return np.asarray(
                 self.high / RAYLEIGH_TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(RAYLEIGH_TAIL**2) / 2)))
@@ -71,7 +71,12 @@ class TolerancedSize(FieldPrior):
 
 @dataclass(frozen=True)
 class ProductionLaw:
-    """Distributions of random drives: shared fields, equal in all drives of a design, and own fields of each drive."""
+    """Distributions of random drives.
+
+    drive: drive of the preset.
+    shared: fields that are equal in all drives of a design.
+    own: fields that differ from drive to drive.
+    """
 
     drive: Drive
     shared: tuple[FieldPrior, ...]
@@ -95,7 +100,7 @@ class ProductionLaw:
     @property
     def not_given(self) -> tuple[str, ...]:
         """Paths of sizes that are sampled up to an assumed bound instead of a tolerance, as in `check`."""
-        # paths of fields that are sampled up to an assumed bound
+        # fields that are neither toleranced nor normal are sampled up to an assumed bound
         even = {f.path for f in self.joint.fields if not isinstance(f, TolerancedSize) and f.distribution != "normal"}
         return tuple(path for path in self.sizes if path in even)
 
@@ -106,7 +111,7 @@ class ProductionLaw:
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
-        """Return the law with some tolerances multiplied by factors; bounds assumed from them follow.
+        """Return the law with some tolerances multiplied by factors, and with the bounds that are assumed from them.
 
         factors: factors by path of the tolerance.
         """
@@ -140,7 +145,7 @@ def production_law(
 
     drive: the drive of the preset.
     law: distribution of sizes up to their tolerance.
-    chosen: whether assumed sizes are tolerances, too.
+    chosen: whether assumed sizes with a value also count as tolerances.
     known: paths of directions that are as in the preset in all drives.
     Raises UsageError if a known path is not a direction given in the preset.
     """
@@ -261,7 +266,7 @@ def _with_each_tighter(one: Batch, paths: Sequence[str]) -> Batch:
 
 @dataclass(frozen=True)
 class Production:
-    """Random drives of a preset. Once it has designs, `records` can be called in any process.
+    """Random drives of a preset; with designs, `records` can be called in any process.
 
     Raises UsageError if the cycle of the drive cannot be searched.
 
@@ -300,7 +305,7 @@ class Production:
         return self.law.drive
 
     def design_of(self, drive: int) -> int:
-        """Return the number of a drive's design, which is 0 for all drives if no shared field is unknown."""
+        """Return the number of a drive's design, which is 0 for all drives if no shared field is uncertain."""
         # designs differ only if a shared field is uncertain
         return drive // self.per_design if self.law.shared else 0
 
@@ -316,12 +321,12 @@ class Production:
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
-        # reference data reject many designs
+        # several draws per design are needed, because reference data reject many designs
         most_draws = _DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
-            # only reference data of the type, because values of one drive do not apply to other drives
+            # only reference data of the type are used, because values of one drive do not apply to other drives
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
             effort=SamplingEffort(
@@ -344,7 +349,7 @@ class Production:
         return replace(self, designs=designs), samples
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
-        """Return the records of drives first to last - 1, independently of other computed drives."""
+        """Return the records of drives first to last - 1, which do not depend on other computed drives."""
         records = []
         drives: list[tuple[Drive, list[ErrorMap]]] = []
 
@@ -371,7 +376,7 @@ class Production:
 
     @property
     def kind(self) -> RecordKind[RandomDrive]:
-        """Type of the records in a file."""
+        """Kind of the records in a file, whose designs and numbers of torques must be those of the production."""
 
         def fault(item: int, record: RandomDrive) -> str:
             # a wrong design shows that the file was computed with other options
@@ -384,7 +389,7 @@ class Production:
         return RecordKind(TypeAdapter(RandomDrive), fault)
 
     def options(self) -> dict[str, Any]:
-        """Return the inputs that the records depend on, besides preset, seed and version."""
+        """Return the inputs that the records depend on, in addition to preset, seed and version."""
         return {
             "overrides": list(self.drive.origin.overrides),
             "torques_Nm": list(self.torques),

@@ -34,8 +34,8 @@ _LOOSER = 2.0  # largest tolerance, in multiples of the preset's tolerance
 _TIGHTER = 0.1  # smallest tolerance, as a share of the preset's, if the preset gives no smallest value that can be made
 # step of the logarithm of tolerances for slopes, which smooths the effect of drives that cross the limit
 _SLOPE_STEP = 0.1
-_AIM = 0.98  # aimed share of the limit, with a margin for the error of the linear model
-_STRICTER = 0.93  # factor of the aim if the drives did not verify the tolerances found with it
+_AIM = 0.98  # target of F'_ior as a share of the limit, with a margin for the error of the linear model
+_STRICTER = 0.93  # factor by which the target is reduced if the drives do not verify the tolerances
 _LIMIT_AGREES = 0.06  # largest remaining margin to the limit, as a share
 _UNSOLVED_RATIO = 1e6  # assumed F'_ior over its room for a drive without a result, beyond any limit
 _LEAST_SHARE_LEFT = 1e-2  # smallest F'_ior of a drive with scaled sizes, as a share of its present F'_ior
@@ -48,7 +48,7 @@ class Tightened:
     path: path of the tolerance.
     now, then: percentile now and with the tighter tolerance [arcsec].
     low, high: Monte Carlo interval of the percentile with the tighter tolerance [arcsec].
-    proven: whether the extremes were located again; otherwise the percentile may be larger than `then`.
+    proven: whether the extremes were located again; if not, the percentile may be larger than `then`.
     """
 
     path: str
@@ -65,7 +65,7 @@ class Tightened:
 
     @property
     def reduction(self) -> float:
-        """Decrease of the percentile by the step, as a share of it."""
+        """Decrease of the percentile by the step, as a share of the present percentile."""
         return self._decrease(self.then)
 
     @property
@@ -127,7 +127,11 @@ class Sensitivities:
 
 
 def _best_first(ways: Mapping[str, Sequence[Tightened]], torques: range) -> tuple[tuple[Tightened, ...], ...]:
-    """Return the tightened sizes at each torque, beginning with the one that gives the smallest F'_ior."""
+    """Return the gains at each torque, beginning with the size whose tightening gives the smallest F'_ior.
+
+    ways: gains from tightening each size, one per torque, by path.
+    torques: indices of the torques.
+    """
     at_torques = []
     for torque in torques:
         ranked = sorted((way[torque] for way in ways.values()), key=lambda way: way.then)
@@ -201,12 +205,12 @@ def _best_size(ways: Mapping[str, Sequence[Tightened]], torque: int) -> str:
 
 
 def _influences_at(samples: Samples, torque: int) -> tuple[Influence, ...]:
-    """Return the contributions at a torque, or none if a sample has no error there; torque is an index."""
+    """Return the contributions at a torque, empty if a sample has no error there; torque: index of the torque."""
     return influences(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
 
 
 def _with_tighter(production: Production, path: str) -> Production:
-    """Return a production of the same designs with one size a step smaller, without steps of its own."""
+    """Return a production of the same designs with one size a step smaller, whose records have no `tighter`."""
     designs = []
     for values, weight in production.designs:
         designs.append(({**values, path: TIGHTER_STEP * values[path]}, weight))
@@ -232,7 +236,12 @@ def to_measure(
     samples: Samples,
     torque: int,
 ) -> tuple[MeasurementGain, ...]:
-    """Return the next measurements of a design, the one that removes most of the spread of ln F'_ior first."""
+    """Return the measurements of a design, beginning with that which reduces the spread of ln F'_ior most.
+
+    law: law of the production.
+    samples: samples of random drives.
+    torque: index of the torque.
+    """
     # only fields shared by all drives of a design can be measured once for all drives
     shared = {field.path for field in law.shared} - DEVIATION_FIELDS
     gains = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
@@ -260,7 +269,7 @@ def _tightened(
     then: F'_ior with the tighter tolerance [arcsec], shape (drives, torques).
     weights: weights of the drives, shape (drives,).
     """
-    # bootstrap over drives, with the same drives now and then, because only their differences matter
+    # the bootstrap selects the same drives with both tolerances, because only their differences matter
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
@@ -270,7 +279,7 @@ def _tightened(
             - weighted_quantile(after[rows], weights[rows], _HIGH_SHARE)
             for rows in resampled
         ]
-        # a large gain is a low percentile
+        # the largest gain gives the lower end of the percentile
         low, high = now_quantile - np.quantile(gains, _ENDS[::-1])
         steps.append(
             Tightened(
@@ -309,7 +318,7 @@ class _Tolerance:
 
 
 def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
-    """Return the tolerances of a drive that may be chosen: sizes that are sampled up to a value of the preset."""
+    """Return the tolerances that may be chosen, which are the sizes that are sampled up to a value of the preset."""
     choices = []
     for size in law.tolerances:
         cost = drive.cost.get(size.path)
@@ -378,7 +387,7 @@ class Allocator:
 
     @cached_property
     def choices(self) -> tuple[_Tolerance, ...]:
-        """Tolerances that may be chosen; arrays of their values have this sequence, shape (choices,)."""
+        """Tolerances that may be chosen, in the sequence of all arrays of shape (choices,)."""
         return tolerances(self.production.drive, self.production.law)
 
     @cached_property
@@ -400,9 +409,9 @@ class Allocator:
         records, tried = self._tried(turned, values, 0)
         attempts = [tried]
         for attempt in range(1, self.rounds + 1):
-            # cheapest tolerances in a linear model around the last drives
+            # a linear model around the last drives gives the cheapest tolerances
             sought = self._sought(records, values, aim)
-            # the model gives the same tolerances again
+            # the search ends if the model gives the same tolerances again
             if np.all(np.abs(np.log(sought / values)) < _LIMIT_AGREES / 2):
                 break
             values = sought

@@ -1,7 +1,7 @@
 """Percentiles of F'_ior and yield of random drives, with the uncertainty due to the number of drives and designs.
 
 The yields of designs are assumed to be beta distributed. Mean and concentration of that distribution have posterior
-weights on a grid. Given mean and concentration, the yield of each design is beta distributed, too. This is the
+weights on a grid. Given mean and concentration, the yield of each design is also beta distributed. This is the
 hierarchical model of Gelman et al., Bayesian Data Analysis, 3rd edition, section 5.3.
 """
 
@@ -55,7 +55,7 @@ class YieldBelief:
         return float(self.weights @ self.passed / max(float(self.weights @ self.drives), 1e-300))
 
     def percentile(self, share: float) -> float:
-        """Return the percentile of the yield over the designs."""
+        """Return a percentile of the yield over the designs; share: its level, 0..1."""
         return float(np.interp(share, self._below, _YIELDS))
 
     @property
@@ -165,7 +165,7 @@ class AtTorque:
         return np.asarray(1 - np.array(self.best) / np.array(self.as_built))
 
     def passes(self, F_ior: Array) -> NDArray[np.bool_]:
-        """Return whether F'_ior [arcsec] plus the self error is within the limit, if any, shape (drives,)."""
+        """Return whether F'_ior [arcsec] plus the self error is within the limit, shape (drives,); True without one."""
         return np.asarray(F_ior + self.self_error <= (np.inf if self.limit is None else self.limit))
 
 
@@ -179,7 +179,7 @@ class Summary:
     sure: required probability of the yield.
     designs, weights: number and weight of the design of each drive with a result.
     refused: design numbers of drives without a result.
-    reason: why the first of the refused drives has no result; empty if none was refused.
+    reason: reason of the first refused drive; empty if all drives have a result.
     states, max_residual: number of solved states and largest residual of the certificate.
     """
 
