@@ -298,7 +298,7 @@ def _drive(document: Document) -> Drive | None:
 
 
 def _table_of_drive(document: Document) -> dict[str, Any] | None:
-    """Return the table of a document without schema and empty keys; None, with a finding, if there is none."""
+    """Return the table of a document without schema and empty keys; None, with a finding, if it is not a table."""
     if () in document.bad:
         return None
     if not isinstance(document.data, dict):

@@ -125,7 +125,7 @@ class PlanDemands:
 
 @dataclass(frozen=True)
 class _PlanJudgement:
-    """The part of F'_ior that a plan captures.
+    """Judgement of a plan: the share of F'_ior that it captures, and its wrong verdicts.
 
     plan: the plan.
     seen: captured share at 5, 50 and 95 % of drives and starts.
@@ -149,7 +149,7 @@ class DrivesUnderTest:
     curves: errors over the full cycle [arcsec], shape (drives, points).
     weights: weights of the drives, shape (drives,).
     cycle_output: output revolutions of the cycle.
-    left_arcsec: largest F'_ior within the limit [arcsec], None without a limit.
+    left_arcsec: largest F'_ior within the limit [arcsec]; None without a limit.
     demands: requirements for the test.
     seed: seed of starts and noise.
     travel: output revolutions in use, from the start of the test, whose range is F'_ior; None for the full cycle.
@@ -226,7 +226,7 @@ class DrivesUnderTest:
         return np.asarray((np.array(ranges) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> _PlanJudgement:
-        """Return the part of F'_ior that a plan captures, and the probabilities of wrong verdicts."""
+        """Return the share of F'_ior that a plan captures, with the probabilities of wrong verdicts."""
         demands = self.demands
         shares = self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
@@ -458,7 +458,7 @@ class PlanChoice:
     enough: the sufficient plan with the fewest positions and the shortest sufficient recording, if there are any.
     over_positions: plans in ascending order of the number of positions.
     lines: lines of the error as the first plan shows them, the largest first.
-    samples: samples of the drive, None without uncertain inputs.
+    samples: samples of the drive; None without uncertain inputs.
     certificate: certificate of the solved states.
     verdict: whether the requested plan is sufficient; if none is requested, whether any plan is sufficient.
     test: the test with the details of its execution.

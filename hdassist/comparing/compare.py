@@ -353,7 +353,7 @@ class _RecordReader:
         )
 
     def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        """Return the fit of start and zero, if they are free, for a counting convention of the file."""
+        """Return a fitter for a counting convention of the file, and its fit of start and zero if they are free."""
         record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
         return VectorFitter(
             drive=self.drive, record=record, torus=self.torus, doubt=self._doubt, angles=asked.fitted

@@ -47,7 +47,7 @@ class ExpectedResidual:
 
 @dataclass(frozen=True, eq=False)
 class CorrectionTable:
-    """Error over a revolution at even steps, with linear interpolation; the first point follows the last.
+    """Error at even steps over a revolution, interpolated linearly; the first point also follows the last.
 
     turn: revolution after which the table repeats.
     error_arcsec: error to subtract at angles_deg [arcsec], shape (..., points).

@@ -34,11 +34,11 @@ _RESAMPLED_POINTS = 8192  # points that represent the correction of a controller
 
 @dataclass(frozen=True)
 class ControllerAxis:
-    """An axis in the convention of its controller. The first values of a table apply when the axis counts up.
+    """Axis in the convention of its controller; the first values of a table apply when the axis counts up.
 
     name: name of the axis, joint or source.
-    sense: 1 if the axis counts up as the output rotates counter-clockwise, seen from the wave generator side, else -1
-        (for moteus: as the wave generator rotates).
+    sense: 1 if the axis counts up while the output rotates counter-clockwise, seen from the wave generator side, or -1
+        if it counts down; for moteus, the wave generator takes the place of the output.
     zero_deg: reading of the axis when input and output are at zero [deg].
     from_deg: start of the revolution that the rows cover [deg].
     steps_per_degree: motor steps per degree of the axis, for telescope mounts.
@@ -53,13 +53,13 @@ class ControllerAxis:
 
 @dataclass(frozen=True, eq=False)
 class _PlayedCorrection:
-    """Correction that a controller applies with its own points: the error that it subtracts, linear between readings.
+    """Correction of a controller with its own points: the error that it subtracts, interpolated linearly.
 
     reading_deg: readings in the controller's counting [deg], shape (points,).
     error_arcsec: error subtracted at the readings, in the controller's counting [arcsec], shape (points,).
     period_deg: period of the reading [deg].
     stored: numbers in the file.
-    scale: scale of the stored numbers, if the file has one.
+    scale: scale of the stored numbers; 1 if the file has no scale.
     is_of_cam: whether the reading is the input angle instead of the output angle.
     """
 
@@ -296,7 +296,7 @@ def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return the list of positions and errors for both directions, in steps of 0.0001 deg."""
+    """Return the lines of a list of positions and errors for both directions, in steps of 0.0001 deg."""
     reading, *errors = _turn_rows(table, axis, 4)
     places, *columns = (
         np.rint(values * _TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
@@ -316,7 +316,7 @@ def _even_setpoints(table: CorrectionTable, axis: ControllerAxis) -> Array:
 
 
 def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
-    """Return the error that is subtracted at even set-points, linear between them."""
+    """Return the error that is subtracted at even set-points; the controller interpolates linearly between them."""
     setpoint = _even_setpoints(table, axis)[:-1]
     error = _error_at_setpoint(table, axis, setpoint)
     return _PlayedCorrection(
@@ -328,7 +328,7 @@ def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedC
 
 
 def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return even set-points over a revolution and additions to them [deg], an array with parameters per direction."""
+    """Return the lines with even set-points over a revolution and the additions to them [deg], for each direction."""
     setpoint = _even_setpoints(table, axis)
     ways = [("Both", 1)] if table.other_direction_arcsec is None else [("Positive", 1), ("Negative", -1)]
     lines = ["VAR_GLOBAL"]
@@ -352,7 +352,10 @@ def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return the error at even points over a revolution, with both ends; a positive value moves the axis back."""
+    """Return the lines with the error at even points over a revolution, both ends included.
+
+    A positive value moves the axis back.
+    """
     step = 360 / table.points
     start = axis.zero_deg % step
     values = _error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
@@ -475,7 +478,7 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _rows_from_zero(table: CorrectionTable, axis: ControllerAxis) -> tuple[Array, list[Array]]:
-    """Return the table's points from the axis's zero [deg], and the errors counting up and down [arcsec]."""
+    """Return the points of the table from the zero of the axis [deg], and the errors for each direction [arcsec]."""
     reading = axis.zero_deg + table.angles_deg
     ways = (1,) if table.other_direction_arcsec is None else (1, -1)
     return reading, [_error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]
@@ -492,7 +495,7 @@ def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    """Return an array and its lookup function for custom firmware, with a row per direction if the table has both."""
+    """Return the lines of an array and its lookup function for custom firmware; each direction has its own row."""
     _, errors = _rows_from_zero(table, axis)
     rows = ("    {" + ", ".join(f"{value:.5f}" for value in row) + "}," for row in errors)
     way = "counts_down ? 1 : 0" if len(errors) > 1 else "0"

@@ -133,7 +133,7 @@ class Asking(App[int]):
         """Show the session and its results."""
 
     def ask_of_panes(self) -> None:
-        """Request the results that the screen still lacks."""
+        """Request the missing results of visible panes."""
 
     def known_of(self, drive: Drive) -> Known:
         """Return the results for a drive."""
@@ -146,7 +146,7 @@ class Asking(App[int]):
 
     @property
     def pinned(self) -> Known | None:
-        """Results for the pinned drive, None if it is the present drive or has other torques."""
+        """Results for the pinned drive; None if it is the present drive or has other torques."""
         pinned = self.session.pinned
         drive = self.session.drive
         is_other = pinned.operation.M_g == drive.operation.M_g and self.known_of(pinned) is not self.known
@@ -207,7 +207,7 @@ class Asking(App[int]):
         function: Callable[..., None],
         *arguments: object,
     ) -> None:
-        """Request results and store each of them, unless this was the last request of its group.
+        """Request results and store each of them, unless the last request of the group was the same.
 
         The process of the previous request is ended.
 
@@ -234,7 +234,7 @@ class Asking(App[int]):
         self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
-        """Request the remaining results once no key was pressed for a while."""
+        """Request the remaining results after REST seconds without a further call."""
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)

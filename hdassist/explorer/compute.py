@@ -191,7 +191,7 @@ def _tell_searched(
     """Report results of a quick search: F'_ior of a typical drive, and F'_ior over the seat if all inputs are known.
 
     drive: the drive.
-    typical_drive: typical drive, None if it is not known.
+    typical_drive: typical drive; None if it is not known.
     rotations: rotations of the fixed wheel [deg].
     tell: function that receives the results.
     """

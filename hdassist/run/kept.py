@@ -71,7 +71,7 @@ class KeptOwner(ClosedRecord):
     """Owner of a file: everything that determines its records.
 
     version: version of hdassist; empty if each record has its own.
-    preset: name of the drive, empty if there are several.
+    preset: name of the drive; empty if there are several.
     inputs: SHA-256 of each input; empty if each record has its own.
     """
 
@@ -197,7 +197,7 @@ class Kept(Generic[_RecordT]):
         """
         lines = _lines(self._descriptor)
         read = self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
-        # another process cannot have added records, because the file is locked
+        # the file is locked, so a missing record means that the file was changed without the lock
         for _ in range(self.done):
             if (record := next(read, None)) is None:
                 raise self._lost()

@@ -55,7 +55,7 @@ class Run:
         process.
     progress: function called with numbers of solved states.
     seed: seed of samples.
-    cross_check: name of a cvxpy solver that solves the extremes and a sample of states again, None for no check.
+    cross_check: name of a cvxpy solver that solves the extremes and a sample of states again; None for no check.
     """
 
     executor: Executor | None = None
@@ -369,7 +369,7 @@ def _timed(
 
 @lru_cache(maxsize=1)
 def _unpickled(work: bytes) -> _Work:
-    """Return the work, unpickled once in each process, so that its caches persist between chunks."""
+    """Return the unpickled work, which is the same object for all chunks of a process to preserve its caches."""
     function: _Work = pickle.loads(work)
     return function
 

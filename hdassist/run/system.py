@@ -124,7 +124,7 @@ class PrivateFolder:
             return file.read()
 
     def note_use(self, name: str) -> None:
-        """Set the time of a file to now, to mark it as used, without an error if that is not possible."""
+        """Set the time of a file to the present, which marks it as used; errors are ignored."""
         with suppress(OSError):
             if self.descriptor is None:
                 os.utime(self._place(name))  # fails while another process reads the file
@@ -171,7 +171,7 @@ class PrivateFolder:
         return os.listdir(self.descriptor)  # noqa: PTH208 (pathlib cannot list a folder by its descriptor)
 
     def own_status(self, name: str) -> os.stat_result | None:
-        """Return the status of a file that only this user can write, None for any other file."""
+        """Return the status of a file that only this user can write; None for any other file."""
         try:
             about = os.stat(
                 self._place(name),
@@ -289,7 +289,7 @@ def start_method() -> str:
 
 
 def has_forkserver() -> bool:
-    """Return whether a fork server is available, so that a process starts within milliseconds."""
+    """Return whether a fork server is available, which starts a process within milliseconds."""
     return sys.platform != "win32" and not os.environ.get(SPAWN)
 
 
