@@ -1,4 +1,6 @@
-"""Acceptance of a drive or of the rows of a lot: each limit with its measured value, otherwise with the predicted one.
+"""Acceptance of a drive or of the rows of a lot.
+
+Each limit is compared with a measured value or, if there is none, with the predicted value.
 
 `run/run.stream` distributes the rows. The result of each row depends only on its own drive.
 """
@@ -55,7 +57,7 @@ def accept(
     request: the request.
     inputs: inputs named in the request, as read.
     predictions: predictions needed for the request, for the same drive and limits; None if none are needed.
-    place: place of the row in a lot, None for a single drive.
+    place: position of the row in a lot, FILE:LINE; None for a single drive.
     Raises DataError if there is no limit, if there is a recording without a limit, if no value is measured or
     predicted, or if an order of the preset does not exist in the full cycle.
     Raises UsageError if an order on the command line does not exist in the full cycle.
@@ -102,9 +104,9 @@ def _require_value(
     unmeasured: Sequence[Limit],
     predictions: Predictions | None,
 ) -> None:
-    """Raise DataError if no limit of a drive has a measured or predicted value; --strict allows missing values."""
+    """Raise DataError if no limit of a drive has a measured or predicted value, unless --strict is set."""
     limits = limits_of(drive)
-    # there is a decision on at least one limit
+    # at least one limit has a value, or --strict reports the missing ones as INCONCLUSIVE
     if predictions is not None or len(unmeasured) < len(limits) or request.strict:
         return
     hint = " ".join(limit.option for limit in limits)
@@ -142,7 +144,7 @@ def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
     if limit in inputs.stated:
         return [inputs.stated[limit]]
     measurement = inputs.measurements[limit.M_g_Nm or 0.0]
-    # between recorded torques, the error may not be linear
+    # interpolation between recorded torques may be wrong, so it gives no value
     if measurement.trace.is_between_torques:
         return [AcceptedValue.between_torques()]
     by_direction = [
@@ -150,7 +152,7 @@ def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
         for direction in measurement.directions
     ]
     values = [value for value in by_direction if value.value is not None]
-    # among equal verdicts, the one on the largest value is chosen because it comes first
+    # the largest value comes first, because the first of equal verdicts is chosen
     return sorted(values, key=lambda value: -(value.value or 0.0)) or [AcceptedValue()]
 
 
@@ -162,7 +164,7 @@ def _unmeasured_values(
     """Return the predicted value for a limit, an unknown value if only a measurement can decide it, or []."""
     if predictions and limit.check.needs:
         return [AcceptedValue.predicted(limit, predictions)]
-    # an open check, which makes the verdict inconclusive
+    # an unknown value makes the verdict INCONCLUSIVE
     if request.strict or (not request.measured_only and not limit.check.needs):
         return [AcceptedValue()]
     return []
@@ -212,7 +214,7 @@ def _covered_cycle(
     # other checks do not distinguish parts of the cycle
     if limit.check is not F_IOR or measurement.gearing is None:
         return None
-    # if it is a text, it states the reason why there is no model
+    # a text states why the model is not available
     if isinstance(direction.full_cycle, str) and not direction.is_bound:
         return None
     return CoveredCycle.of(direction, measurement.gearing.ratio)
@@ -227,11 +229,11 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
 
 
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
-    """Return the decision with the worst verdict, the first one if several are equal.
+    """Return the decision with the worst verdict, or the first of several such decisions.
 
     If a direction covers the whole cycle, a decision on a part counts only if it is close to the limit.
     """
-    # a direction with the whole cycle takes precedence over one with a part, unless that part is close to the limit
+    # a direction that covers the whole cycle takes precedence over a part, unless the part is close to the limit
     if any(decision.extent == "whole" for decision in decisions):
         decisions = [decision for decision in decisions if decision.extent == "whole" or _is_close_bound(decision)]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
@@ -263,7 +265,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
 
 
 def _is_by_a_part(decision: DecidedCheck) -> bool:
-    """Return whether a decision is based on the value of a part of the cycle."""
+    """Return whether a decision is based on a value that does not describe the whole cycle."""
     return decision.extent not in (None, "whole", "between torques")
 
 
@@ -282,7 +284,7 @@ def _of_decisions(
 ) -> Iterator[Note]:
     """Yield notes on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
-        # test uncertainty ratio below 4:1
+        # the note is for a test uncertainty ratio below 4:1
         if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
             text = f"U = {decision.expanded_uncertainty:.3g} (k = {COVERAGE_FACTOR:g}), limit {decision.limit:g}"
             yield Note("UNCERTAINTY", f"{decision.label}: {text}")
@@ -311,24 +313,24 @@ def answer_rows(
 ) -> list[AcceptAnswer]:
     """Return the results of the rows from first to last - 1.
 
-    debug: raise a bug in the program instead of reporting it as the result of a row.
+    debug: whether a bug in the program is raised instead of reported as the result of a row.
     """
-    # called in a worker process; the rows are independent
+    # this function is called in a worker process; the rows are independent of each other
     return [answer_row(row, debug=debug) for row in rows[first:last]]
 
 
 def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
     """Return the result of a row; an error in the row becomes its result.
 
-    debug: raise a bug in the program instead of reporting it as the result.
+    debug: whether a bug in the program is raised instead of reported as the result.
     """
     try:
-        # a row that could not be read has a result too, at its place
+        # a row that could not be read also has a result, which is its error
         if row.fault:
             raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        # without the parts that differ between drives, so that drives with the same preset share their predictions
+        # parts that differ between drives are removed, so that drives with the same preset share their predictions
         design = replace(
             row.request,
             serial="",
@@ -340,7 +342,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
-    except (MemoryError, OSError, BrokenExecutor):  # not the fault of a row
+    except (MemoryError, OSError, BrokenExecutor):  # these errors are not the fault of a row
         raise
     except Exception as bug:  # a bug becomes the result of this row, and the other rows continue
         if debug:

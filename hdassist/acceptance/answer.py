@@ -41,11 +41,11 @@ _ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, Untru
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
 RELATIVE = 1e-6  # numbers agree within this share of the largest number of their object
 _ROUNDING = 1e-12  # smallest tolerance: residuals differ between processors
-# properties of the run, not of the drive; residuals are computed again and differ between engines
+# fields that describe the run rather than the drive; residuals differ between engines
 _OF_THE_RUN = (
     "version", "time", "request", "place", "max_difference_arcsec", "engine", "max_residual", "residuals", "fallbacks",
 )  # fmt: skip
-# texts that may change between versions; codes, numbers and verdicts are compared instead
+# texts, which may differ between versions; codes, numbers and verdicts are compared
 _WORDS = ("message", "hint", "text", "reason", "why_open", "notes", "warnings")
 _NOT_COMPARED = (*_OF_THE_RUN, *_WORDS)
 
@@ -177,7 +177,7 @@ class InfluenceRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class RefusedRecord(ClosedRecord):
-    """The number of draws that are not possible drives, and the reason."""
+    """The number of rejected draws, which are not possible drives, and the reason."""
 
     reason: str
     draws: Count
@@ -191,7 +191,7 @@ class SamplesRecord(ClosedRecord):
     draws: number of draws.
     seed: seed of the draws.
     draws_of_ranges: number of draws from which ranges are computed.
-    refused: draws that are not possible drives.
+    refused: numbers of rejected draws by reason.
     """
 
     effective: Magnitude
@@ -205,12 +205,12 @@ class SamplesRecord(ClosedRecord):
 class AcceptAnswer(ClosedRecord):
     """The result for a drive: verdict, decisions, and all inputs needed to compute it again, or an error.
 
-    request: None for a row of a lot that is itself invalid.
-    status: verdict, or DATA_ERROR in its place; computed from the other fields.
-    place: place of the row, None for a single drive.
+    request: request with all options, None for a row of a lot that is itself invalid.
+    status: verdict, or DATA_ERROR for a drive with an error; computed from the other fields.
+    place: position of the row, FILE:LINE; None for a single drive.
     certificate, unknown, influence, steps, samples: results of the predictions, as in `hdassist check`.
     pitch: wheels with measured teeth.
-    Raises ValueError for a verdict without a check, and for an exit code that does not match the verdict or the error.
+    Raises ValueError unless there is either a verdict with checks or an error, with the matching exit code.
     """
 
     schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA
@@ -289,7 +289,7 @@ def provenance(answer: AcceptAnswer) -> Json:
 
 
 def answer_json(answer: AcceptAnswer) -> Json:
-    """Return a result as a JSON object, without its place if it has none."""
+    """Return a result as a JSON object, in which the place is omitted if it is None."""
     fields: Json = ANSWER.dump_python(
         answer,
         mode="json",
@@ -316,7 +316,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
     An incomplete last line is omitted.
 
-    Raises DataError if the file cannot be read or has other content.
+    Raises DataError if the file cannot be read or does not contain results.
     """
     data = bytearray()
     file = STDIN if path == "-" else path
@@ -324,7 +324,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     with opened(path) as stream:
         while part := stream.read(PART):
             data += part
-            if b"\0" in part or len(data) > _MOST_ANSWER_BYTES:  # a device may never end
+            if b"\0" in part or len(data) > _MOST_ANSWER_BYTES:  # a device may be endless
                 raise DataError(f"{file} is a binary file, or larger than {_MOST_ANSWER_BYTES / 1e6:g} MB", hint)
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         if not kept:
@@ -411,7 +411,7 @@ def _value_text(value: Any) -> str:
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:
-    """Return the differences between two results; if only one has an error, only verdict and error are compared."""
+    """Return the differences between two results. If only one has an error, only verdict and error are compared."""
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [_AnswerDifference("verdict", recorded.status, now.status), _AnswerDifference("error", *errors)]
@@ -419,7 +419,10 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_Answe
 
 
 def _by_check(answer: AcceptAnswer) -> Json:
-    """Return a result with checks by name, and with the number of omitted limits, whose texts differ by version."""
+    """Return a result as JSON, with its checks by name and only the number of its omitted limits.
+
+    The texts of omitted limits are not compared, because they may differ between versions.
+    """
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     fields = answer_json(answer)
     checks = dict(
@@ -441,7 +444,7 @@ def _differences(
     """Yield the differences between two JSON values.
 
     key: key of both values.
-    allowed: largest difference between equal numbers.
+    allowed: largest difference of numbers that count as equal.
     """
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):

@@ -27,7 +27,7 @@ _ValueT = TypeVar("_ValueT", float, Array)
 
 @dataclass(frozen=True, kw_only=True)
 class _Explained:
-    """An entry with a code: its name, what it tests, the fault, and its remedy."""
+    """A check or remark with a code: its name, the tested property, the meaning of a failure, and its remedy."""
 
     code: str
     words: str
@@ -42,10 +42,10 @@ class Check(_Explained):
 
     field: field of the preset's section acceptance that contains the limit. Its kind determines the values to which the
     limit applies.
-    needs: quantities of the drive from which the value is predicted (decision.PREDICTED); if empty, only a reported
-    value counts.
+    needs: quantities of the drive from which the value is predicted (decision.PREDICTED). If there are none, the value
+    must be reported.
     of_trace: whether a recording gives the value (decision.MEASURED).
-    of_part: meaning of such a value if the recording covers only a part of the cycle.
+    of_part: extent of the value if the recording covers only a part of the cycle.
     upper: whether the limit is the largest value allowed, rather than the smallest.
     """
 
@@ -85,7 +85,7 @@ _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Limit(ClosedRecord):
-    """A limit.
+    """A limit of a drive, with the torque and order to which it applies.
 
     code: code of its check.
     limit: largest or smallest value allowed, in the unit of the check.
@@ -108,7 +108,7 @@ class Limit(ClosedRecord):
 
     @property
     def label(self) -> str:
-        """The name of the check with its order and torque."""
+        """The name of the check with its order and torque, for messages."""
         order = self.per_cam_rev
         name = self.check.words if order is None else f"amplitude of order {order:g} alone"
         return name if self.M_g_Nm is None else f"{name} at {self.M_g_Nm:g} N·m"
@@ -128,7 +128,7 @@ class Limit(ClosedRecord):
 
 
 def limits_of(drive: Drive) -> tuple[Limit, ...]:
-    """Return the limits of a drive for each torque and order, and for the drive itself.
+    """Return the limits of a drive: those for each torque and order, and those for the drive itself.
 
     The torques are operation.M_g and those named in the limits.
 
@@ -187,7 +187,7 @@ class LimitText:
 
     @classmethod
     def parse(cls, text: str, option: Option) -> LimitText:
-        """Return the parts of NAME[@TORQUE]=VALUE. A limit without a name is one for F'_ior.
+        """Return the parts of NAME[@TORQUE]=VALUE. A limit without a name applies to F'_ior.
 
         Raises UsageError for an unknown name, a missing value, or an invalid torque or order.
         """
@@ -217,7 +217,7 @@ class LimitText:
     def limit_of(self, limits: Sequence[Limit]) -> Limit:
         """Return the limit of a drive to which a value belongs.
 
-        Raises UsageError if there is none, or several.
+        Raises UsageError if there is no such limit, or several.
         """
         fitting = [
             limit

@@ -1,9 +1,9 @@
 """Least-squares fit of orders to a recording at its recorded angles, with its uncertainty.
 
 The uncertainty of the coefficients is that for independent residuals, increased by the noise floor of the residuals at
-each order. In recordings too short for a noise floor, it is increased by the number of correlated neighbours, from the
-integrated autocorrelation. The part of the residuals that is correlated between neighbouring bins is not reading noise.
-It is error outside the given orders or slow error; its size is `unmodelled`.
+each order. In recordings too short for a noise floor, it is increased according to the number of correlated neighbours,
+from the integrated autocorrelation. The part of the residuals that is correlated between neighbouring bins is not
+reading noise. It is an error outside the given orders or a slow error, and `unmodelled` is its size.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from hdassist.model.geometry import Array
 
 COVERAGE_FACTOR = 2.0
 OrderIndices = NDArray[np.int64]
-_LAGS = 2000
+_LAGS = 2000  # maximum number of lags of the autocorrelation
 _POWER_CLEAR = 4.0  # standard deviations by which power must exceed that of noise
-_FLOOR_SHORTEST = 2.0  # input revolutions: in a shorter recording there is no room for noise between the orders
-_FLOOR_APART = 0.75  # smallest distance from fitted orders at which noise is read, as a share of the resolution
-_FLOOR_AROUND = 0.5  # orders to either side over which the noise is averaged
-_FLOOR_FEWEST = 8  # minimum number of frequencies, nearest to the order, over which the noise is averaged
+_FLOOR_SHORTEST = 2.0  # input revolutions of a recording below which the orders leave no room for a noise floor
+_FLOOR_APART = 0.75  # smallest distance from fitted orders at which noise is measured, as a share of the resolution
+_FLOOR_AROUND = 0.5  # distance on each side of an order over which the noise is averaged, in orders
+_FLOOR_FEWEST = 8  # minimum number of frequencies over which the noise at an order is averaged
 _FLOOR_WAVES = 32  # maximum number of frequencies at which the noise absorbed by the fit is estimated
 _STUDENT_SHARE = 0.97725  # share of a normal distribution below two standard deviations
 _DRIFTED = 0.05  # smallest remaining drift that is reported, as a share of F'_ior
@@ -35,8 +35,8 @@ _DRIFT_CLEAR = 4.0  # standard uncertainties by which a drift must exceed 0
 RESOLVED_GAP = 0.75  # smallest distance at which a line and an order are resolved, as a share of the resolution
 EVEN = 0.9  # evenness of the readings above which they do not distinguish an order from its image
 _MOMENTS = 3  # powers of the position of a reading within its cell
-SLOWEST_ORDER = 0.5  # per input revolution: lower orders are those of the output, or drift
-_NEIGHBOURS = 10.0  # bins: readings closer together than this show the correlation of neighbours
+SLOWEST_ORDER = 0.5  # order per input revolution below which orders are those of the output, or drift
+_NEIGHBOURS = 10.0  # largest distance of neighbours whose correlation is evaluated, in bins
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class TraceFit:
         self.orders = design.orders
         # weighted least squares by the factored normal equations
         solution, self.residual = design.fitted(values)
-        # unbiased: divided by the degrees of freedom
+        # division by the degrees of freedom makes the variance unbiased
         self.variance = float(self.bins.weight @ self.residual**2) / (len(self.bins) - design.columns)
         self.correlated, self.unmodelled = _residual_memory(design, self.residual, self.variance)
         orders, levels, drift, slopes, *order_changes = _blocks_of(design, solution)
@@ -143,7 +143,7 @@ class TraceFit:
 
     @cached_property
     def factor(self) -> Array:
-        """The root of the coefficients' covariance, whose product with unit noise is an error, (2 orders, columns)."""
+        """The root of the coefficients' covariance, whose product with unit noise is an error; (2 orders, columns)."""
         power, _ = self.noise
         # with a root of the covariance, draws and norms need no factorisation
         return self.order_root * np.sqrt(self.variance * np.tile(power, 2))[:, None]
@@ -176,7 +176,7 @@ class TraceFit:
         return self.curve(self.bins.turns) + self.residual
 
     def beside(self, curves: Array) -> tuple[Array, Array]:
-        """Return the part of further columns that the design does not fit, and the coefficients of the columns.
+        """Return the part of further columns that the design does not fit, and the coefficients of these columns.
 
         The coefficients are those of a joint fit of the design and the columns.
 
@@ -196,7 +196,7 @@ class TraceFit:
 
     @property
     def groups(self) -> list[OrderIndices]:
-        """The indices of the orders in groups; orders that are not resolved from a line share its group."""
+        """The indices of the orders in groups. Orders that are not resolved from a line belong to its group."""
         is_line = self.is_line
         # a line and an order this close together exchange amplitude
         is_close = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
@@ -210,7 +210,7 @@ class TraceFit:
 
     @property
     def is_slow(self) -> NDArray[np.bool_]:
-        """Whether each order is one of the output revolution rather than the input revolution, shape (orders,)."""
+        """Whether each order is an order of the output rather than of the input, shape (orders,)."""
         return self.orders < SLOWEST_ORDER
 
     def mean_square(self, indices: OrderIndices) -> Array:
@@ -246,8 +246,7 @@ class TraceFit:
             slope = np.concatenate([orders * sines, -orders * cosines])
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
-        # uncertainty of the amplitude to first order
-        # derivative of the amplitude with respect to the coefficients
+        # derivative of the amplitude with respect to the coefficients, for its uncertainty to first order
         gradient = square @ coefficients / max(amplitude, 1e-300)
         return Wave(
             per_cam_rev=order,
@@ -272,15 +271,15 @@ class TraceFit:
         # standard deviation of the mean square
         spread = float(np.hypot(spread_by_order, np.sqrt(2 * np.trace(noise @ noise))))
         amplitude = float(np.sqrt(max(0.0, wave.amplitude_arcsec**2 - np.trace(noise))))
-        # to first order, but at most the root of that standard deviation, which applies if the amplitude is as small as
-        # the noise
+        # the uncertainty is that to first order, but at most the root of the standard deviation, which applies if the
+        # amplitude is as small as the noise
         uncertainty = min(spread / max(2 * amplitude, 1e-300), float(np.sqrt(spread)))
         return replace(wave, amplitude_arcsec=amplitude, uncertainty_arcsec=uncertainty)
 
     @property
     def clear_of_noise(self) -> bool:
         """Whether all orders together have more power than noise has, except in one of thousands of recordings."""
-        # chi-square of all coefficients, with mean `freedom` and variance 2 `freedom`
+        # for noise only, this power is a chi-square with mean `freedom` and variance 2 `freedom`
         power = float(self.coefficients @ np.linalg.solve(self.covariance(), self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
@@ -303,7 +302,7 @@ def fit_orders(
     orders: orders per input revolution.
     slow: slow terms.
     lines: orders of further lines.
-    base: design of the orders without lines; with it, a fit with lines takes a fraction of the time.
+    base: design of the orders without lines, which reduces the time of a fit with lines to a fraction.
     Raises UntrustedError if there are too few bins, or the angles do not resolve the orders.
     """
     lines = np.sort(lines)
@@ -327,17 +326,17 @@ def _blocks_of(design: TraceDesign, solution: Array) -> list[_FitBlock]:
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:
-    """Return the linear drift over a recording [arcsec] if the residuals of a fit without drift show it, otherwise 0.
+    """Return the linear drift over a recording [arcsec] if the residuals of a fit without drift show it, or 0.
 
-    The drift is fitted together with the orders. Sidebands absorb most of it, but they close over the cycle and a drift
-    does not.
+    The drift is fitted together with the orders. Sidebands absorb most of it, but they repeat in each cycle,
+    and a drift does not.
 
     fit: fit without a drift.
     extent: range of its curve [arcsec]; a drift that is small in comparison is ignored.
     """
     design = fit.design
     bins = fit.bins
-    # computed from the fit without drift, so that no new fit is needed
+    # the drift follows from the fit without drift, so no new fit is needed
     column, (size,) = fit.beside(bins.travel[:, None] / design.reach)
     residual = fit.residual - size * column[:, 0]
     variance = float(bins.weight @ residual**2) / (len(bins) - design.columns)
@@ -357,7 +356,7 @@ def _residual_memory(
     residual: residuals [arcsec], shape (bins,).
     variance: variance of the residuals at weight 1 [arcsec^2].
     """
-    # a recording without noise, for example a computed one
+    # the recording has no noise, for example a computed one
     if not variance:
         return 1.0, 0.0
     size = len(residual)
@@ -375,7 +374,7 @@ def _residual_memory(
 def _lagged_products(residual: Array) -> Array:
     """Return the mean products of residuals with later residuals, by lag in bins, shape (lags,)."""
     size = len(residual)
-    # padded with zeros to twice the length, so that the last residuals are not multiplied with the first ones
+    # residuals are padded with zeros to twice their length, because the last must not be multiplied with the first
     spectrum = np.fft.rfft(residual, 2 * size)
     return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2)[: min(_LAGS, size // 4)] / size)
 
@@ -406,11 +405,14 @@ def _correlated_size(
     variance: float,
     removed: float,
 ) -> float:
-    """Return the size of the part of the residuals that is correlated between neighbouring bins [arcsec], 0 if unclear.
+    """Return the size of the part of the residuals that is correlated between neighbouring bins [arcsec].
+
+    It is 0 if it is not significant.
+
 
     removed: amount by which the fit reduced the correlation of neighbours.
     """
-    # neighbours are in the same sweep and close together; bins on either side of a gap are not neighbours
+    # neighbours are in the same sweep and close together; bins on opposite sides of a gap are not neighbours
     are_neighbours = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if are_neighbours.sum() < len(residual) / 5:
         return 0.0
@@ -462,7 +464,7 @@ def residual_power(
 
 
 def even_readings(bins: Bins) -> tuple[float, float, float]:
-    """Return the readings per input revolution, the angle of one reading [revolutions], and the evenness.
+    """Return the number of readings per input revolution, the angle of the first [revolutions], and the evenness.
 
     The evenness is between 0 and 1, and 1 if all angles are evenly spaced.
     """
@@ -488,7 +490,8 @@ def noise_floor(
 ) -> tuple[Array, Array] | None:
     """Return the noise power at each order relative to independent residuals, and the Student factor.
 
-    Both have shape (orders,). Residuals of a real recording are not white: low orders have more noise than high ones.
+    Both have shape (orders,). Residuals of a real recording are not white, as low orders have more noise than high
+    ones.
     The noise power at an order is estimated by the power of the residuals halfway between fitted orders, and on both
     sides of a group of orders. The Student factor widens the interval of k = 2 if the power is the mean of few
     frequencies. The result is None if the recording is too short.
@@ -519,7 +522,9 @@ def noise_floor(
 def _share_left(design: TraceDesign, probes: Array) -> float:
     """Return the share of the noise between the orders that a fit leaves in the residuals.
 
-    If rows are missing, all columns of the design absorb some noise at every frequency.
+    The share is below 1 if rows are missing, because all columns then absorb some noise at every frequency.
+
+    probes: orders between the fitted ones, shape (probes,).
     """
     bins = design.bins
     waves = order_columns(bins.turns, probes[:: max(1, len(probes) // _FLOOR_WAVES)])

@@ -39,25 +39,25 @@ _CLOSEST_ORDERS = 0.4  # smallest distance of fitted orders, as a share of the r
 _FEWEST_PERIODS = 3.0  # minimum number of periods of a line in the recording; with fewer it looks like drift
 # highest order of a line, as a multiple of the highest fitted order: averages over bins attenuate faster lines
 _HIGHEST_LINE = 4.0
-_TORQUE_LINE = 0.5  # smallest share of the slope over the torque that remains with a line; less shows a wind-up
-_SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude: smaller ones stay in the noise
+_TORQUE_LINE = 0.5  # share of the slope over the torque below which a line that reduces it is wind-up
+_SMALLEST_LINE = 0.01  # smallest line, as a share of the largest amplitude; smaller lines count as noise
 _MAX_LINES = 8  # maximum number of lines
 _ORDER_ITERATIONS = 2  # Gauss-Newton iterations for the order of a line
-_SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit that a spike exceeds
-_SPIKE_RANGE_SHARE = 0.1  # smallest spike, as a share of the range of the fitted curve: a smaller one has no effect
-_SPIKE_SPARSE_SHARE = 0.5  # smallest such share next to a gap of more than half a period of the highest order
+_SPIKE_SIGMAS = 6.0  # number of robust standard deviations of the residuals that a spike exceeds
+_SPIKE_RANGE_SHARE = 0.1  # smallest spike, as a share of the range of the curve; smaller ones hardly matter
+_SPIKE_SPARSE_SHARE = 0.5  # the same share next to a gap of more than half a period of the highest order
 _LONGEST_SPIKE = 2  # maximum number of readings in a spike; a longer departure may be due to the drive
 _BESIDE_SPIKE = 7  # number of adjacent readings for the median with which a reading is compared
 _TO_SIGMA = 1.4826  # standard deviation of normal readings divided by their median absolute deviation
-_MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings: with more of them the test rig is at fault
+_MAX_SPIKE_SHARE = 1 / 20  # largest share of spikes among the readings; if there are more, the test rig is at fault
 _NAMED_LINES = 3  # maximum number of lines named in a message
 _STEP_TURNS = 0.5  # input revolutions compared on each side of a step
 _FEWEST_BESIDE_STEP = 8  # minimum number of readings on each side of a step
-_SHARP = 0.7  # smallest share of a step over a quarter of the adjacent readings
-_STEP_SIGMAS = 8.0  # robust standard deviations of such differences that a step exceeds
-# Smallest step, as a share of the range of the fitted curve: a smaller one is left to the noise.
+_SHARP = 0.7  # smallest share of a step that is present over a quarter of the adjacent readings
+_STEP_SIGMAS = 8.0  # number of robust standard deviations of the differences that a step exceeds
+# Smallest step, as a share of the range of the fitted curve. A smaller step counts as noise.
 _STEP_RANGE_SHARE = 0.1
-_MOST_BREAKS = 3  # largest number of steps that are removed: with more of them the test rig or the drive is at fault
+_MOST_BREAKS = 3  # maximum number of removed steps; if there are more, the test rig or the drive is at fault
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class _TraceChange:
 def with_lines(fit: TraceFit) -> TraceFit:
     """Return a fit with the significant lines of its residuals that the readings resolve.
 
-    Evenly spaced readings show only images of lower orders above half the readings per revolution. Unevenly spaced
-    readings distinguish them. The exception are sidebands that remain in the residuals of a part of an output
-    revolution: their images look like lines.
+    Evenly spaced readings do not distinguish an order above half the number of readings per revolution from a lower
+    one, its image. Unevenly spaced readings do. Sidebands that remain in the residuals of a part of an output
+    revolution are an exception, because their images look like lines.
     """
     bins = fit.bins
     base = fit.design
@@ -96,26 +96,25 @@ def with_lines(fit: TraceFit) -> TraceFit:
     has_images = evenness > EVEN or fit.design.slow.by_angle
     # averaging over bins attenuates faster lines
     highest = min(_HIGHEST_LINE * float(base.orders[-1]), rate / 2 if has_images else np.inf)
-    # one line at a time, because each changes the residuals
+    # lines are added one at a time, because each changes the residuals
     while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = _highest_peak(fit, highest)
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
             trial = _settled(fit, base, peak.order)
-        except UntrustedError:  # too close to a fitted order
+        except UntrustedError:  # the line is too close to a fitted order
             break
         # reject a line that only represents the wind-up differently
         if "load" in fit.slopes and abs(trial.slopes["load"][0]) < _TORQUE_LINE * abs(fit.slopes["load"][0]):
-            # the line follows the torque: noise of the torque makes the slope too small, and the line is the remaining
-            # wind-up
+            # noise of the torque makes the slope too small, and such a line is the remaining wind-up
             break
         fit = trial
     return fit
 
 
 def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
-    """Return the peak of the residuals that exceeds its neighbours most clearly, or None without a free frequency.
+    """Return the peak of the residuals that exceeds its neighbours most clearly, or None if there is no free frequency.
 
     highest: order up to which peaks are considered.
     """
@@ -157,7 +156,7 @@ def _power_without(
     order: float,
     variance: float,
 ) -> Array:
-    """Return the power of the residuals of a fit without a wave of an order, shape (probes,)."""
+    """Return the power of the residuals of a fit after removal of a wave at an order, shape (probes,)."""
     column, coefficients = fit.beside(order_columns(fit.bins.turns, np.array([order])))
     _, power = residual_power(fit.bins, fit.residual - column @ coefficients, variance)
     return power
@@ -185,7 +184,7 @@ def _least_likely(
     probes: orders, increasing, shape (probes,).
     power: power at the probes, shape (probes,).
     neighbours: power of each probe when it is a neighbour of another probe, shape (probes,).
-    resolution: resolution of the recording [orders].
+    resolution: resolution of the recording, in orders.
     places_per_probe: number of resolved frequencies per probe.
     """
     count = len(probes)
@@ -207,8 +206,8 @@ def _least_likely(
         ratio = power / np.maximum(noise, 1e-300)
         # tail probability of the ratio of exponential power to the mean of exponential neighbours
         log_chances.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
-    # both sides must be significant, so the larger probability decides; above the last probe there are no neighbours,
-    # and the noise is no larger than below it
+    # both sides must be significant, so the larger probability decides; near the last probe only the lower side counts,
+    # because the noise above it is not larger
     log_chance = np.where(index + reach < count, np.max(log_chances, axis=0), log_chances[0])
     log_chance = np.where(probes >= _FEWEST_PERIODS * resolution, log_chance, np.inf)
     least = int(log_chance.argmin())
@@ -222,7 +221,7 @@ def _settled(
 ) -> TraceFit:
     """Return a fit with one further line, after refining the orders of all lines.
 
-    If the recording does not resolve the line from a fitted order, the line is placed between orders instead.
+    If the recording does not resolve the line from a fitted order, the line is placed between two orders.
 
     fit: fit with the lines found so far.
     base: design of the orders that are not lines.
@@ -241,7 +240,7 @@ def _settled(
         for _ in range(_ORDER_ITERATIONS):
             is_free = ~np.isin(trial.lines, fixed_lines)
             trial = with_these(trial.lines + is_free * _line_steps(trial))
-        # a line that moved onto an order is placed between orders instead
+        # if the line moved onto an order, it is placed between orders below
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
     return with_these(np.append(fit.lines, _place_between(fit, order)))
@@ -338,7 +337,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     if len(trace.breaks) == _MOST_BREAKS:
         return None
     fitted = fit.curve(fit.bins.turns)
-    # differences of means over half an input revolution on either side
+    # differences of the means over half an input revolution before and after each row
     steps = _step_sizes(trace, _departures(trace, fit.bins, fitted))
     if steps is None:
         return None
@@ -377,7 +376,7 @@ def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes
         index = np.arange(reach, len(sweep) - reach)
         wide = _difference_of_means(total, index, reach)
         close = _difference_of_means(total, index, max(reach // 4, _FEWEST_BESIDE_STEP))
-        # a step has its full size over a short distance too, whereas a drift has a quarter of it
+        # over a quarter of the distance, a step has its full size, and a drift has a quarter of its size
         is_sharp = close / np.where(wide, wide, 1.0) > _SHARP
         sizes.append(np.where(is_sharp, wide, 0.0))
         rows.append(sweep.start + index)
@@ -413,7 +412,7 @@ def _fitted_step(
     turns = trace.cam_deg[row] / 360
     number = next(number for number, sweep in enumerate(trace.sweeps) if sweep.start <= row < sweep.stop)
     direction = trace.sweeps[number].direction
-    # in order of time, which in a decreasing sweep is opposite to the angle
+    # rows after the step in time; in a decreasing sweep these have smaller angles
     is_behind = (bins.sweep == number) & ((bins.turns - turns) * direction >= 0)
     step_column, (step,) = fit.beside(is_behind.astype(float)[:, None])
     drift_column, (drift,) = fit.beside((bins.travel / fit.design.reach)[:, None])
@@ -429,7 +428,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     Raises UntrustedError if spikes may not be omitted from the trace, or are too many to omit.
     """
     fitted = fit.bins.error - fit.residual
-    # rows instead of bins, because a bin would hide a single bad row
+    # rows are examined instead of bins, because a bin would hide a single bad row
     departures = _departures(trace, fit.bins, fitted)
     size = np.abs(np.concatenate(departures))
     is_spike = _is_short_spike(departures, size, float(np.ptp(fitted)))
@@ -446,7 +445,7 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
         raise UntrustedError(f"{trace.file}: {message}, too many rows to be omitted", hint, Fault.ORDERS_UNTOLD)
     # at the end of a sweep backlash can explain a departure; within a sweep nothing can
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
-    if not trace.robust and is_within.any():  # backlash and a lag occur where the shaft reverses
+    if not trace.robust and is_within.any():  # the cause is not backlash or a lag at a reversal
         hint = "check the encoders' cables and counters, or omit these rows with --robust"
         raise UntrustedError(f"{trace.file}: {message}, a movement that no shaft makes", hint, Fault.ORDERS_UNTOLD)
     span = np.ptp(fit.curve(fit.bins.turns))
@@ -461,7 +460,7 @@ def _is_short_spike(
     size: Array,
     extent: float,
 ) -> NDArray[np.bool_]:
-    """Return whether a reading is far from the fit and its neighbours and in a short group, shape (rows,).
+    """Return whether each reading belongs to a short group far from the fit and from its neighbours, shape (rows,).
 
     departures: readings minus the fit [arcsec], by sweep.
     size: absolute values of the departures, shape (rows,).
@@ -471,11 +470,10 @@ def _is_short_spike(
     from scipy.ndimage import binary_opening, median_filter
 
     noise = _TO_SIGMA * float(np.median(size))
-    # a spike distorts the fit at its neighbours as well, so only the largest departures are considered
+    # a spike also distorts the fit at its neighbours, so only the largest departures are considered
     is_far = size > max(_SPIKE_SIGMAS * noise, _SPIKE_RANGE_SHARE * extent, float(size.max()) / 2)
     is_short = is_far & ~binary_opening(is_far, np.ones(_LONGEST_SPIKE + 1))
-    # if there are many rows, the misfit, which is largest at the ends of a recording, is smooth: neighbours depart
-    # equally
+    # a misfit of the curve is smooth, so that neighbours depart equally; it is largest at the ends of a recording
     from_neighbours = np.concatenate(
         [np.abs(departure - median_filter(departure, _BESIDE_SPIKE, mode="mirror")) for departure in departures]
     )
@@ -490,7 +488,7 @@ def _least_spike(
 ) -> Array:
     """Return the smallest spike that counts at each reading [arcsec], shape (rows,).
 
-    It is larger next to a gap in which the curve is not followed.
+    It is larger next to a gap that is too wide to follow the curve, and 0 elsewhere.
 
     extent: range of the fitted curve [arcsec].
     """
@@ -506,13 +504,13 @@ def _largest_of_others(
     size: Array,
     is_spike: NDArray[np.bool_],
 ) -> Array:
-    """Return the largest departure of other readings near each reading [arcsec], shape (rows,).
+    """Return the largest departure among the normal readings around each reading [arcsec], shape (rows,).
 
     The maximum is taken over readings that are not spikes, in the input revolution of the reading and the two adjacent
     ones.
     """
     turns = trace.cam_deg[trace.rows] / 360
-    # counted from 1, so that the first revolution has an (empty) predecessor
+    # revolutions are counted from 1, because the first needs an (empty) predecessor
     revolution = np.floor(turns - turns.min()).astype(np.int64) + 1
     largest = np.zeros(revolution.max() + 2)
     np.maximum.at(largest, revolution, np.where(is_spike, 0.0, size))

@@ -7,9 +7,10 @@ remaining difference is the lost motion at reversal. Friction that grows with th
 fitted lag may be due to friction.
 
 The wind-up by a torque that changes along a recording is removed, so that F'_ior is that at the mean torque. The
-recording itself gives the stiffness if the torque does not follow the orders, as gravity follows the output angle.
-Otherwise K_1 to K_3 of the drive's catalogue give it. In the first case the orders may change with the torque as well,
-linearly between the smallest, the mean and the largest torque. A torque that follows the output angle changes the
+recording itself determines the stiffness unless the torque looks like orders, as that of a weight does, which follows
+the output angle. For such a torque, the stiffness comes from K_1 to K_3 of the drive's catalogue. If the recording
+determines the stiffness, the orders may also change with the torque, linearly between the smallest, the mean and the
+largest torque. A torque that follows the output angle changes the
 sidebands, and F'_ior is that of the curve at this changing torque.
 """
 
@@ -33,19 +34,19 @@ from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.readers.words import TURN_ARCSEC
 
-# A lag is fitted to the levels if the speeds of sweeps differ by this share of the largest one.
+# Smallest difference of the speeds of sweeps, as a share of the largest speed, at which a lag is fitted to the levels.
 _LEAST_SPEED_APART = 0.2
-_LEAST_SPEED_CHANGE = 0.02  # a lag is fitted within sweeps if their speed changes by this share
-# Smallest relevant change of torque, as a share of the largest torque: smaller ones cause hardly any wind-up.
+_LEAST_SPEED_CHANGE = 0.02  # smallest relative change of the speed within sweeps at which a lag is fitted
+# Smallest relevant change of torque, as a share of the largest torque. Smaller changes cause hardly any wind-up.
 _LEAST_CHANGE = 0.01
 _LOAD_APART = 0.1  # smallest part of a torque's changes that follows neither orders nor slow terms
 _SAME_TORQUE = 0.02  # relative difference up to which a recorded torque counts as the requested one
 _SAME_OF_RATED = 0.01  # difference up to which a torque counts as the requested one, as a share of the rated torque
-_WIDEST_LOAD_GAP = 0.25  # a torque within a wider gap than this share of the sweep's torques was not recorded
-_TORQUE_CLEAR = 2.0  # spread of a changing torque, as a multiple of the noise of its readings
+_WIDEST_LOAD_GAP = 0.25  # widest gap around a recorded torque, as a share of the range of the sweep's torques
+_TORQUE_CLEAR = 2.0  # smallest spread of a changing torque, as a multiple of the noise of its readings
 _SPEED_ROWS = 15  # rows over which the speed is averaged
-_SLOPE_CLEAR = 3.0  # standard uncertainties that a slope over the torque exceeds unless it is due to chance
-# largest noise of the curve at each torque, as a multiple of that without changes, at which changes are determined
+_SLOPE_CLEAR = 3.0  # number of standard uncertainties from which a slope over the torque is not due to chance
+# largest noise of the curve at a torque, as a multiple of the noise without changes, at which changes are fitted
 _CHANGE_TOLD = 3.0
 _CATALOGUE_SHARE = 0.1  # relative standard uncertainty of a wind-up by catalogue stiffnesses (engineering estimate)
 _CLEAR_SENSE = 0.5  # smallest correlation of error and wind-up that determines the sign of the torque
@@ -68,11 +69,10 @@ class Reversal:
     mean_arcsec: mean difference.
     greatest_departure_arcsec: largest departure from the mean.
     lost_motion_arcsec: angle by which the output lags where the shaft reverses, due to backlash, friction and
-    hysteresis, without the part that grows with the speed if that is known.
+    hysteresis. The part that grows with the speed is excluded if it is known.
     lost_motion_standard_uncertainty_arcsec: its standard uncertainty.
-    arcsec_per_ms: lost motion that 1 ms of encoder lag explains if there is one speed (None without time stamps), else
-    0.
-    by: "speeds within sweeps", "speeds of sweeps" or "one speed".
+    arcsec_per_ms: at one speed, lost motion that 1 ms of encoder lag would cause, None if unknown; at several speeds 0.
+    by: how the lag was separated: by "speeds within sweeps", by "speeds of sweeps", or not at all at "one speed".
     """
 
     mean_arcsec: float
@@ -85,9 +85,9 @@ class Reversal:
 
 def speed_changes(bins: Bins) -> bool:
     """Return whether the speed within the sweeps changes enough to determine a lag."""
-    # within sweeps only, because changes between sweeps are evaluated from the levels
+    # only changes within sweeps count, because changes between sweeps are evaluated from the levels
     departures = [speed - np.median(speed) for speed in bins.by_sweep(bins.speed)]
-    # quantiles, because a turning point alone determines no lag
+    # quantiles exclude turning points, which alone do not determine a lag
     low, high = np.quantile(np.concatenate(departures), (0.05, 0.95))
     return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
@@ -103,7 +103,7 @@ def reversal_and_lag(
 
     fits: one fit per direction, increasing angles first.
     shared: angles that all directions cover [revolutions], shape (angles,).
-    drift_arcsec: standard uncertainty due to drift.
+    drift_arcsec: standard uncertainty due to drift [arcsec].
     trace: recording of both directions.
     ratio: input revolutions per output revolution, None if it is unknown.
     """
@@ -182,14 +182,14 @@ def without_lag(trace: MeasuredTrace, lag_s: float) -> MeasuredTrace:
     cam_deg = trace.cam_deg.copy()
     time_s = np.asarray(trace.time_s)
     for sweep in trace.sweeps:
-        # averaged below, because single differences are mostly noise
+        # the speed is averaged below, because single differences are mostly noise
         speed = np.gradient(trace.cam_deg[sweep.rows], time_s[sweep.rows])
         window = np.ones(min(_SPEED_ROWS, len(speed)))
         rows_in_window = np.convolve(
             np.ones(len(speed)),
             window,
             mode="same",
-        )  # fewer rows at the ends of a sweep
+        )  # fewer rows contribute at the ends of a sweep
         mean_speed = np.convolve(speed, window, mode="same") / rows_in_window
         cam_deg[sweep.rows] -= mean_speed * lag_s
     return replace(trace, cam_deg=cam_deg)
@@ -208,7 +208,7 @@ class _LevelsOverSpeed:
 
 
 def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
-    """Return the parts of the levels of sweeps: level = mean + lost motion sign(speed) / 2 + slope speed.
+    """Return the parts of the levels of sweeps from level = mean + lost_motion sign(speed) / 2 + slope speed.
 
     The result is None if the sweeps of both directions do not determine the parts, or if slopes over the speed are
     fitted within the sweeps.
@@ -224,7 +224,7 @@ def _levels_over_speed(fits: Sequence[TraceFit]) -> _LevelsOverSpeed | None:
     from scipy.linalg import block_diag  # imported here because it takes 20 ms, which measured holes do not need
 
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
-    # half of the lost motion on either side of the mean
+    # the levels of the two directions lie half of the lost motion above and below the mean
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
     solution, spread = _weighted_fit(columns, level, precision)
     return _LevelsOverSpeed(
@@ -291,13 +291,13 @@ class RecordedTorque:
         wound: TraceFit,
         torques: Sequence[Array],
     ) -> RecordedTorque | None:
-        """Return the torque with the slope that a fit has removed, or None if the slope may be due to chance.
+        """Return the torque with the wind-up and stiffness from a fit, or None if the slope may be due to chance.
 
         fit: fit without the slope over the torque.
         wound: fit with this slope.
         torques: torques of the rows of each sweep [N*m].
         """
-        # from the fit in which the slope represents the wind-up
+        # the slope of this fit represents the wind-up
         slope, uncertainty = wound.slopes["load"]
         if abs(slope) <= _SLOPE_CLEAR * uncertainty:
             return None
@@ -318,9 +318,9 @@ class RecordedTorque:
         )
 
     def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
-        """Return a trace minus the twist computed from K_1 to K_3 of a drive, or None without all three.
+        """Return a trace without the twist by K_1 to K_3 of a drive, and the torque; None if one of them is unknown.
 
-        The twist is assumed to follow increasing angles if its sign is unclear.
+        If the sign of the torque is unclear, a positive torque is assumed to increase the error.
         """
         stiffness = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
         if trace.load is None or drive is None or not all(stiffness):
@@ -355,13 +355,13 @@ def at_torque(
     M_g: float,
     rated: float = 0.0,
 ) -> MeasuredTrace:
-    """Return the sweeps of a recording at a torque, or all sweeps around it if there is none at that torque.
+    """Return the sweeps of a recording at a torque, or without such sweeps those whose directions span the torque.
 
     The column of torque may have the opposite sign. A recording without this column is returned unchanged.
 
     M_g: torque [N*m].
     rated: rated torque of the drive [N*m], 0 if it is unknown.
-    Raises DataError if the column excludes the torque.
+    Raises DataError if the torque is outside the range of the column.
     """
     if trace.load is None:
         return trace
@@ -387,7 +387,7 @@ def at_torque(
 
 @dataclass(frozen=True, eq=False)
 class _TorqueCoverage:
-    """The sweeps that were recorded at a torque, and those that lie around it, as masks of shape (sweeps,)."""
+    """Whether each sweep was recorded at a torque, or at torques around it, both of shape (sweeps,)."""
 
     is_at: NDArray[np.bool_]
     is_around: NDArray[np.bool_]
@@ -406,7 +406,7 @@ def _torque_coverage(
     rated: rated torque of the drive [N*m].
     """
     tolerance = max(_SAME_TORQUE * abs(M_g), _SAME_OF_RATED * rated)
-    # quantiles, because single readings beyond them do not mean that a torque was recorded
+    # single readings beyond the quantiles do not show that a torque was recorded
     low, high = np.array([np.quantile(load, (0.05, 0.95)) for load in loads]).T
     direction = np.array([sweep.direction for sweep in trace.sweeps])
     is_at = np.zeros(len(loads), dtype=bool)
@@ -449,7 +449,7 @@ def _has_torque(
         return False
     if float(np.abs(load - torque).min()) <= room:
         return True
-    # the torque was not recorded between these two readings
+    # gap between the nearest readings below and above the torque
     gap = float(load[load > torque].min() - load[load < torque].max())
     return gap <= _WIDEST_LOAD_GAP * float(high - low)
 
@@ -463,7 +463,7 @@ def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
 
 
 def _torque_text(load: Array) -> str:
-    """Return the torque of a sweep [N*m] as text, or its smallest and largest value if it changes."""
+    """Return the torque of a sweep [N*m] as text, or its range without extreme readings if it changes."""
     low, high = np.quantile(load, (0.05, 0.95))
     is_changing = np.std(load) > _TORQUE_CLEAR * _noise_of(load) and high - low > _SAME_TORQUE * abs(load.mean())
     return f"{low:.3g} to {high:.3g}" if is_changing else f"{load.mean():.3g}"
@@ -505,5 +505,5 @@ def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None
 
 
 def _noise_at_torques(fit: TraceFit) -> float:
-    """Return the largest noise of the curve at the torques of a recording, relative to the noise of a reading."""
+    """Return the largest noise of the curve at the torques of a recording, relative to that of a single reading."""
     return max(float(np.linalg.norm(fit.at_torque(torque).order_root)) for torque in fit.bins.torques)

@@ -3,7 +3,7 @@
 error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x). If
 the orders change with the torque, a and b are a_0 + a_1 t + a_2 |t|, where t is 0 at the mean torque and 1 or -1 at the
 torque farthest from it. The coefficients are therefore linear on either side of the mean. The recording is first
-averaged over small steps of the angle, so that the effort does not grow with its rows.
+averaged over small steps of the angle, because the effort would otherwise grow with its rows.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from hdassist.readers.trace import MeasuredTrace
 _PER_PERIOD = 40  # bins per period of the highest order, whose amplitude averaging reduces by 0.1 %
 # multiple of the median weight that limits all weights, so that a stationary shaft does not dominate the fit
 _HEAVIEST = 4.0
-DESIGN_CHUNK = 8192  # rows of the design that are in memory at a time
+DESIGN_CHUNK = 8192  # number of rows of the design that are in memory at a time
 _WORST_CONDITION = 1e8  # largest condition number of the normal equations
 _JOINED_CELLS = 24  # cells per input revolution that are used to join sweeps on the output revolution
-_MOST_JOINED = 4  # maximum number of joined sweeps: more levels would absorb too much of the slow terms
-BINS_PER_COLUMN = 1.5
+_MOST_JOINED = 4  # maximum number of joined sweeps, because more levels would absorb too much of the slow terms
+BINS_PER_COLUMN = 1.5  # minimum number of bins per unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +39,11 @@ class Bins:
     rows: number of rows in each bin.
     weight: weight, with a mean of 1.
     sweep: index of the sweep, from 0.
-    level: index of the level of the error, from 0. A sweep has one level, and one more after each step of the error.
+    level: index of the level of the error, from 0. A sweep has one level, and a further one after each step of the
+    error.
     travel: travel of the input since the first row [revolutions].
-    speed: speed of the input [revolutions/s], 0 without time stamps.
-    load: load of the recording, 0 without a load.
+    speed: speed of the input [revolutions/s], 0 if there are no time stamps.
+    load: load of the recording, that is its torque or wind-up; 0 if it has none.
     per_turn: number of bins per input revolution.
     """
 
@@ -72,8 +73,8 @@ class Bins:
 
     @cached_property
     def torques(self) -> tuple[float, float, float]:
-        """The 5 % quantile, the mean and the 95 % quantile of the load; quantiles exclude noise of the readings."""
-        # the extreme readings are noise
+        """The 5 % quantile, the mean and the 95 % quantile of the load."""
+        # quantiles replace the extremes, which include noise of the readings
         low, high = np.quantile(self.load, (0.05, 0.95)).tolist()
         return low, float(np.average(self.load, weights=self.rows)), high
 
@@ -91,8 +92,8 @@ class Bins:
     def span_on_output(self, ratio: float) -> float:
         """Return the input revolutions that the sweeps cover of one output revolution.
 
-        The result is that of the longest sweep. Up to _MOST_JOINED sweeps that together cover more count as one. Their
-        sequence does not matter, because each sweep has its own level.
+        It is the span of the longest sweep, or the span that the sweeps cover together if this is larger and there are
+        at most _MOST_JOINED sweeps. Their sequence does not matter, because each sweep has its own level.
 
         ratio: input revolutions per output revolution.
         """
@@ -103,7 +104,7 @@ class Bins:
         cells = round(ratio * _JOINED_CELLS)
         is_covered = np.zeros(cells, dtype=bool)
         for turns in self.by_sweep(self.turns):
-            # only cells that are completely covered count
+            # a cell counts only if it is completely covered
             first = np.ceil(turns.min() * _JOINED_CELLS)
             last = np.floor(turns.max() * _JOINED_CELLS)
             is_covered[np.arange(first, last).astype(np.int64) % cells] = True
@@ -121,7 +122,7 @@ def travel_of(trace: MeasuredTrace) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _SweepBins:
-    """Averages of the rows of one sweep, shape (bins,), with the fields of `Bins`; levels count from 0 per sweep."""
+    """Averages of the rows of one sweep, with the fields of `Bins`; the levels of each sweep are numbered from 0."""
 
     turns: Array
     error: Array
@@ -143,12 +144,12 @@ def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
     sweeps = [_bins_of_sweep(trace, slice(sweep.start, sweep.stop), travel, per_turn) for sweep in trace.sweeps]
     numbers = [np.full(len(sweep.turns), number, dtype=np.int64) for number, sweep in enumerate(sweeps)]
     levels = []
-    first_level = 0  # first level of a sweep: the levels of all sweeps are numbered consecutively
+    first_level = 0  # first level of a sweep, because the levels of all sweeps are numbered consecutively
     for sweep in sweeps:
         levels.append(sweep.level + first_level)
         first_level = int(levels[-1].max()) + 1
     rows = np.concatenate([sweep.rows for sweep in sweeps])
-    # a bin in which the shaft stood still has many rows with the same error
+    # a bin in which the shaft stood still has many rows with the same error, so its weight is limited
     weight = np.minimum(rows, _HEAVIEST * np.median(rows))
     return Bins(
         turns=np.concatenate([sweep.turns for sweep in sweeps]),
@@ -206,7 +207,7 @@ def _bins_of_sweep(
 def order_columns(turns: Array, orders: Array) -> Array:
     """Return the cosines, then the sines, of orders at angles [revolutions], shape (angles, 2 orders).
 
-    The wave of order n + k/ratio is the product of the waves of order n and k/ratio, which are few.
+    The wave of order n + k/ratio is the product of the waves of orders n and k/ratio, of which there are only a few.
     """
     # sidebands of different orders have the same fractions, so few exponentials generate all columns
     whole_orders, part_orders = np.divmod(orders, 1)
@@ -234,7 +235,7 @@ def curve_of(
 
     coefficients: coefficients of the cosines, then of the sines, of the orders [arcsec], shape (2 orders, ...).
     """
-    # the columns of all angles at once would need gigabytes
+    # the angles are processed in chunks, because all columns at once would need gigabytes
     chunks = [turns[start : start + DESIGN_CHUNK] for start in range(0, len(turns), DESIGN_CHUNK)]
     return np.concatenate([order_columns(chunk, orders) @ coefficients for chunk in chunks])
 
@@ -260,7 +261,7 @@ class SlowTerms:
 
     @property
     def periods(self) -> float:
-        """The periods per recording of the fastest wave that the slow terms absorb; no noise remains below it.
+        """The periods per recording of the fastest wave that the slow terms absorb, with all noise of slower waves.
 
         Legendre polynomials resolve a wave if there are at least pi polynomials per period.
         """
@@ -274,7 +275,7 @@ class TraceDesign:
     orders: orders per input revolution, shape (orders,).
     slow: slow terms.
     columns: number of unknowns. Cosines and sines of the orders come first, their changes with the torque last.
-    reach: travel at the end of the drift [revolutions].
+    reach: largest travel of the bins, at which the drift ends [revolutions].
     gram: normal equations, shape (columns, columns).
     root: symmetric root of the inverse of gram: root @ root.T is the inverse, shape (columns, columns).
     condition: condition number of gram scaled to a unit diagonal.
@@ -311,7 +312,7 @@ class TraceDesign:
 
     def _factor(self) -> None:
         """Set the condition number of the normal equations and the root of their inverse."""
-        # scaling to a unit diagonal, so that the condition number describes the angles
+        # after scaling to a unit diagonal, the condition number describes the angles
         scale = 1 / np.sqrt(np.diag(self.gram))
         values, vectors = np.linalg.eigh(self.gram * scale * scale[:, None])
         # the ridge limits unresolved combinations and changes resolved ones by a relative 1e-7
@@ -320,7 +321,7 @@ class TraceDesign:
         if self.condition > _WORST_CONDITION:
             hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
             raise UntrustedError("the recorded angles do not resolve the declared orders", hint, Fault.ORDERS_UNTOLD)
-        # the symmetric root, because eigenvectors of nearly equal eigenvalues, and draws with them, depend on rounding
+        # the symmetric root does not depend on rounding, unlike the eigenvectors of nearly equal eigenvalues
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
     def _contains(self, other: TraceDesign) -> bool:
@@ -358,7 +359,7 @@ class TraceDesign:
         gram[self._added] = products.T
         return gram
 
-    @lru_cache(maxsize=4)  # noqa: B019 - four parts in all: most recordings have fewer, and fits use them repeatedly
+    @lru_cache(maxsize=4)  # noqa: B019 - most recordings have up to four parts, which fits use repeatedly
     def _rows(self, start: int) -> Array:
         """Return up to DESIGN_CHUNK rows of the design, shape (rows, columns).
 
@@ -375,7 +376,10 @@ class TraceDesign:
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
-        """Return the drift or the polynomials of the angle at angles and travels [revolutions], (angles, degree)."""
+        """Return the drift or the polynomials of the angle at angles and travels [revolutions].
+
+        The result has the shape (angles, degree).
+        """
         # a drift over travel continues while the shaft reverses; a polynomial of the angle repeats
         if not self.slow.by_angle:
             return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
@@ -411,7 +415,7 @@ class TraceDesign:
 
         curves: function that returns the values at a slice of the bins.
         """
-        # computed in parts, because the whole design may not fit into memory
+        # the products are summed over parts, because the whole design may not fit into memory
         parts = []
         for rows in self._parts:
             values = curves(rows)

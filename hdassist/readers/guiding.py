@@ -26,7 +26,7 @@ from hdassist.errors import DataError
 from hdassist.files import number_of
 
 SIDEREAL_ARCSEC_S = 15.041067  # arcsec/s: speed of an axis that follows the sky
-_BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # first words of sections, whose head follows
+_BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # first words of a section, which are followed by its head
 _FACTS = {
     "scale": r"Pixel scale = ([-+0-9.]+)",
     "declination": r"(?<!Cal )\bDec = ([-+0-9.]+) deg",
@@ -42,7 +42,7 @@ _SAME_DECLINATION_DEG = 1.0  # difference from the log's declination above which
 _LEAST_RATE_UNCERTAINTY = 0.05  # relative standard uncertainty of a calibrated guide rate, assumed
 _ONE_RATE_UNCERTAINTY = 0.10  # relative standard uncertainty of a guide rate without a second figure, assumed
 _LONG_S = 1800.0  # an unguided section of this length is preferred to any guided one
-_PREFERRED_SHARE = 0.5  # an unguided section of this share of the longest guided one is preferred to it
+_PREFERRED_SHARE = 0.5  # an unguided section this long, as a share of the longest guided one, is preferred
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ class _Frame:
     """A frame of a guide log.
 
     line: index of its line.
-    time_s: time.
-    distance_px: distance of the guide star.
-    pulse_s: duration of the pulse after it, west positive.
+    time_s: time [s].
+    distance_px: distance of the guide star from its lock position [px].
+    pulse_s: duration of the pulse after the frame [s], west positive.
     """
 
     line: int
@@ -159,8 +159,8 @@ def _best_section(sections: Sequence[_Section]) -> _Section:
 def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     """Return the table of the best section of a guide log: error in right ascension over the angle of the axis.
 
-    An unguided section is chosen if it lasts half an hour, or half as long as the longest guided one. Otherwise the
-    longest guided section is chosen, with its pulses added back.
+    An unguided section is chosen if it lasts at least half an hour, or at least half as long as the longest guided
+    section. If there is no such section, the longest guided one is chosen, and its pulses are added back.
 
     lines: lines of the log.
     form: options for the log.
@@ -206,7 +206,7 @@ def _row(frame: _Frame, arcsec_per_px: float) -> str:
 
 
 def _sections(lines: Sequence[str]) -> Iterator[_Section]:
-    """Yield the sections of a log; a line that may indicate a movement of the star ends a section."""
+    """Yield the sections of a log, each of which ends at a line that may indicate a movement of the star."""
     facts = _Facts()
     names = list[str]()
     section = _Section(facts)
@@ -254,7 +254,7 @@ def _with_stated(facts: _Facts, form: GuideForm) -> _Facts:
 
 
 def _declination_words(facts: _Facts, form: GuideForm) -> str:
-    """Return a description of the declination: that of the option, even if the log states another, or that of the log.
+    """Return a description of the declination and its origin. That of the option takes precedence over that of the log.
 
     facts: values stated in the log.
     """
@@ -279,7 +279,7 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
     duration = cells.get("RADuration", "")
     time_s = number_of(cells.get("Time", ""))
     distance_px = number_of(cells.get("RARawDistance", ""))
-    # a lost frame has empty cells
+    # the cells of a lost frame are empty
     if not (duration and isfinite(time_s) and isfinite(distance_px)):
         return None
     pulse_s = number_of(duration) / 1e3
@@ -296,7 +296,7 @@ def _frame(number: int, cells: dict[str, str]) -> _Frame | None:
 
 
 def _longest_unguided(section: _Section) -> _Section:
-    """Return the longest part of a section without pulses, which excludes frames that are followed by a pulse."""
+    """Return the longest part of a section without pulses. Frames that are followed by a pulse are excluded."""
     longest = _Section(section.facts)
     part = _Section(section.facts)
     for frame in section.frames:

@@ -90,14 +90,14 @@ def read_pitch(
     sense: _Sense | None = None,
     flank: _Flank | None = None,
 ) -> PitchFile:
-    """Return the pitch deviations of a wheel from a file. The module describes the form of the file.
+    """Return the pitch deviations of a wheel from a file of the form that the module describes.
 
     source: path ("-" is standard input), stream or bytes.
     teeth: number of teeth of the wheel.
-    form, sense: take precedence over comments of the file; None for those of the file.
-    flank: flank to select among columns for two flanks; None if there is one.
+    form, sense: form of the deviations and sense of the numbers; None for those that the file states.
+    flank: flank whose column is selected from columns for two flanks; None if there is only one.
     Raises DataError if the file cannot be read.
-    Raises PresetError with every fault of the file.
+    Raises PresetError that lists all faults of the file.
     Raises UsageError for an invalid argument.
     """
     arguments = {"form": form, "sense": sense, "flank": flank}
@@ -146,7 +146,7 @@ class _Layout:
 
     @classmethod
     def of(cls, stated: _Statements) -> _Layout:
-        """Return the form stated by a file and the arguments, with notes on assumptions in this order."""
+        """Return the form that the arguments or the file state, and add notes on assumed values."""
         return cls(
             form=stated.value("form"),
             sense=stated.value("sense"),
@@ -162,7 +162,7 @@ class _Layout:
 
 
 def _length_unit(stated: _Statements) -> tuple[str, float]:
-    """Return the unit of the deviations and its size [um]; um after a finding on an unknown unit."""
+    """Return the unit of the deviations and its size [um]. For an unknown unit, a finding is added and um returned."""
     unit = stated.value("unit")
     try:
         return unit, micrometres(unit)
@@ -175,7 +175,7 @@ def _marked_tooth(
     first: int,
     teeth: int,
 ) -> int:
-    """Return the number of the marked tooth, by default the first one, with a note.
+    """Return the number of the marked tooth. If none is stated, it is the first one, and a note is added.
 
     stated: statements of the file, to which a finding is added if the wheel does not have the stated tooth.
     first: number of the first tooth, 0 or 1.
@@ -218,7 +218,7 @@ def _from_mark(
 
 
 class _Statement(NamedTuple):
-    """A statement of a file for a key: its value (empty if invalid), text, line and column."""
+    """A statement of a file on a key: its value (empty if invalid), text, line and column."""
 
     value: str
     text: str
@@ -234,7 +234,7 @@ class _Statements:
         self.asked = asked
         self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
         if table.names_in_remark and not any(map(names_teeth, table.names)):
-            table.names = ()  # this comment has as many words as there are columns by chance
+            table.names = ()  # by chance, this comment has as many words as there are columns
         entries = [(remark.number, remark.remark, *remark.entry) for remark in table.remarks if remark.entry]
         names = [entry[:3] for entry in entries]
         # Latin-1 accepts any byte, so a wrong code page is recognised by letters that no name contains
@@ -250,12 +250,12 @@ class _Statements:
                     column=column,
                 )
                 self.stated[key].append(statement)
-            # a note, because a misspelled key would otherwise be ignored silently
+            # the note is added because a misspelled key is ignored
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
     def value(self, key: str) -> str:
-        """Return the value of a key from the argument, else from the file, else the assumed one with a note."""
+        """Return the value of a key from the argument or the file, or else the assumed value, and add a note on it."""
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
         # an argument takes precedence over the file
@@ -277,10 +277,10 @@ class _Statements:
         return stated[0].value if stated else default
 
     def columns(self) -> tuple[int, int]:
-        """Return the columns of tooth numbers and of deviations, and read the statements in the latter's name."""
+        """Return the columns of tooth numbers and of deviations, and add the statements in the latter column's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
-        # without a name, the first column contains the numbers
+        # if no name states tooth numbers, the first column contains them
         first = teeth[0] if len(teeth) == 1 else 0
         columns = [index for index in range(self.table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
@@ -302,7 +302,7 @@ class _Statements:
         table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
 
     def _take_statements(self, name: str) -> None:
-        """Add the statements in a deviation column's name; an ambiguous form is a fault unless stated elsewhere."""
+        """Add the statements in the name of a column of deviations. A form that stays ambiguous gives a finding."""
         table = self.table
         for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
             if value and value != AMBIGUOUS:
@@ -328,7 +328,7 @@ class _Statements:
     ) -> str:
         """Return the default value of a key after adding a finding.
 
-        at: the statement to which the finding refers, None for the first statement of the key.
+        at: statement to which the finding refers, None for the first statement of the key.
         """
         statement = at or self.stated[key][0]
         self.table.add(statement.line, statement.column, key, message, statement.text or "nothing", hint)
@@ -393,7 +393,7 @@ def _cumulative(
 
     table: table to which notes and findings are added.
     column: column of the deviations.
-    order: rows of the teeth in order.
+    order: row index of each tooth, in the order of the tooth numbers.
     unit: name of the unit and its size [um].
     is_single: whether they are single pitch deviations.
     """
@@ -416,7 +416,7 @@ def _cumulative(
             shared = "" if closes else f", closing error of {gap:.3g} um distributed over all teeth"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
-    # such a range indicates positions or another unit
+    # so large a range indicates positions or another unit
     if reach > _LARGEST_RANGE:
         hint = "check the unit, and that the values are deviations, not positions"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
@@ -461,9 +461,9 @@ class WheelFiles:
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels of a drive, with notes on assumptions, or None without a file.
+        """Return the measured wheels of a drive, with notes on assumptions, or None if no file is given.
 
-        Raises PresetError with the faults of a file.
+        Raises PresetError that lists the faults of a file.
         Raises DataError if a file cannot be read.
         Raises UsageError if the direction of a mark is unknown.
         """

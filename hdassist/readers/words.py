@@ -50,11 +50,11 @@ _SPELLINGS = sorted(
 _UNIT = rf"(?<![^\W\d_])(?:{'|'.join(map(re.escape, _SPELLINGS))})(?![^\W\d_⁰¹²³⁴⁵⁶⁷⁸⁹])"
 _POWER = r"(?:(?:\^|\*\*)\s*[-+−]?\d+|[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
 _FACTOR = rf"\d+(?:[.,]\d+)?(?:e[-+−]?\d+)?(?:\s*[×x*·]\s*10)?{_POWER}?"
-_SCALED_IN_BRACKETS = re.compile(  # texts in brackets that are a unit with a factor, a power, or a quotient of units
+_SCALED_IN_BRACKETS = re.compile(  # text in brackets that is a unit with a factor or power, or a quotient of units
     rf"[×x*·]?\s*(?!1\s){_FACTOR}\s*[×x*·]?\s*{_UNIT}|{_UNIT}\s*(?:{_POWER}|(?:[/×*·x]|per\s).*)|[^\s,;]+\s*(?:/|per\s)\s*{_UNIT}",
     re.IGNORECASE,
 )
-_SCALED = re.compile(  # the same in a name, where a number without an operator is the number of a channel or a sweep
+_SCALED = re.compile(  # the same without brackets, where a number without an operator is that of a channel or a sweep
     rf"(?:[×*·/]|(?<![^\W\d_])x)\s*{_FACTOR}[\s_\[(]*{_UNIT}"
     rf"|\d(?:e[-+−]?\d+|{_POWER})[\s_×x*·\[(]*{_UNIT}"
     rf"|{_UNIT}[\])]?[\s_]*(?:[/×*·]\s*\d|x[\s_]?\d|e[-−]\d|{_POWER}|per[\s_]+\w|/\s*{_UNIT})",
@@ -99,7 +99,7 @@ def role_in(name: str) -> str:
 
 
 def _epics_field_in(name: str) -> str:
-    """Return the field of an EPICS motor record in a name, for example RBV in "BL1:rot:m1.RBV"; empty without one."""
+    """Return the field of an EPICS motor record in a name, such as RBV in "BL1:rot:m1.RBV", or ""."""
     match = _EPICS_FIELD.match(name.strip())
     return match[1] if match else ""
 
@@ -147,7 +147,7 @@ def is_numbered_run(name: str) -> bool:
 
 
 def form_in(text: str) -> str:
-    """Return the form of pitch deviations stated in a name: cumulative, single, ambiguous, or empty without one."""
+    """Return the form of pitch deviations stated in a name: cumulative, single, ambiguous, or ""."""
     return next((row["form"] for row in _TABLE["forms"] if re.search(row["words"], text)), "")
 
 
@@ -176,7 +176,7 @@ def _names_temperature(name: str) -> bool:
 
 
 def _unit_texts(name: str) -> tuple[list[str], list[str]]:
-    """Return the texts of a name that may be units: those in brackets or after a slash, and its words.
+    """Return the texts of a name that may be units: first those in brackets or after a slash, then all its words.
 
     Units of several words, for example "arc min", count as one.
     """
@@ -202,7 +202,7 @@ def scaled_unit_in(name: str) -> str:
 
 
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
-    """Return the first known unit in a name such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty without one.
+    """Return the first known unit in a name such as "angle [deg]", "error/arcsec" or "wg_angle_deg", or "".
 
     A unit with a factor or quotient, as in "error [0.1 arcsec]" or "error [arcsec/s]", is not recognised.
     """
@@ -223,7 +223,7 @@ def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
 
 
 def foreign_unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
-    """Return the unit stated in a name that is not one of the given units, as written; empty without one.
+    """Return the unit stated in a name, as written, if it is not one of the given units, or else an empty string.
 
     Any text in brackets counts as a unit, except for numbers, formulas and words such as "raw". A word without brackets
     counts only if it is a unit of another quantity and no number precedes it, as in "error at 20 °C".
@@ -257,7 +257,7 @@ def quantity_of(unit: str) -> str:
 
 
 def length_in(name: str) -> str:
-    """Return the unit of a column of deviations by its name; empty without one."""
+    """Return the unit stated in the name of a column of deviations; empty if none is stated."""
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
@@ -269,17 +269,17 @@ def length_in(name: str) -> str:
 
 
 def plain_unit(unit: str) -> str:
-    """Return a unit in the spelling of this module."""
+    """Return a unit in the spelling of words.toml, in lower case."""
     low = unit.strip().translate(_MICRO).lower()
     return _SPELLED.get(low, low)
 
 
 def angle_size(unit: str) -> float:
-    """Return the size of a unit of angle [arcsec], or of an encoder count given by its counts per revolution.
+    """Return the size of a unit of angle, or of an encoder count stated as counts per revolution [arcsec].
 
     Counts are written for example 16384 or 22bit. A minus sign reverses the sense of the angles.
 
-    Raises UnitError for other text.
+    Raises UnitError if the text is neither of the two.
     """
     sense, text = (-1.0, unit.strip()[1:]) if unit.strip().startswith("-") else (1.0, unit)
     if (plain := plain_unit(text)) in ANGLES:
@@ -308,7 +308,7 @@ def micrometres(unit: str) -> float:
 
 
 class Cell(NamedTuple):
-    """The text of a cell without quotes, and the column of the line at which it begins, counted from 1."""
+    """The text of a cell without quotes, and its position in the line, counted from 1."""
 
     text: str
     column: int
@@ -318,8 +318,8 @@ class TableLine(NamedTuple):
     """A line that is not blank.
 
     number: line number.
-    text: its text.
-    remark: column at which the words of a comment begin, 0 if the line is not a comment.
+    text: text of the line.
+    remark: position, from 1, at which the words of a comment begin; 0 if the line is not a comment.
     """
 
     number: int
@@ -339,7 +339,7 @@ class TableLine(NamedTuple):
 
     @property
     def entry(self) -> tuple[str, str, int] | None:
-        """The key in lower case, the value and the column of the value in a comment "key: value" or "key = value"."""
+        """The key in lower case, the value and its position in a comment "key: value" or "key = value"."""
         match = _ENTRY.fullmatch(self.words)
         return (match[1].strip().lower(), match[2], self.remark + match.start(2)) if match else None
 
@@ -361,7 +361,7 @@ def cells_of(line: str, separator: str) -> list[Cell]:
 
 
 def unclosed_quote(line: str, separator: str) -> int:
-    """Return the column of the first cell of a line with an opening quote but no closing one, 0 if there is none."""
+    """Return the position of the first cell in a line with an opening but no closing quote, 0 if there is none."""
     begin = len(line) - len(line.lstrip())
     end = len(line.rstrip())
     while begin <= end and (match := _CELLS[separator].search(line, begin, end)):
@@ -404,7 +404,12 @@ def names_in(
     width: int,
     separator: str,
 ) -> tuple[str, ...] | None:
-    """Return the column names in a line above the rows with any separator, or None if their number does not match."""
+    """Return the column names in a line above the rows, or None if no separator gives the number of columns.
+
+    line: line that may contain the names.
+    width: number of columns.
+    separator: separator of the rows, which is tried first.
+    """
     by_marks = (tuple(cell.text for cell in cells_of(line, mark)) for mark in dict.fromkeys((separator, *";\t,")))
     # a unit belongs to the name before it
     by_blanks = (tuple(re.split(separator, line.strip())) for separator in (r"\s{2,}", r"\s+(?![\[(/])(?<!/)(?<!/\s)"))
@@ -412,17 +417,17 @@ def names_in(
 
 
 def decimal_mark_in(text: str) -> str:
-    """Return the only decimal point or comma of a number, empty without one and for other texts."""
+    """Return the decimal mark of a number; empty if it has none or both marks, or if the text is not a number."""
     if ("." in text) == ("," in text) or not _LIKE_A_NUMBER.fullmatch(text):
         return ""
     return "." if "." in text else ","
 
 
 def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
-    """Return an angle [deg] written in degrees, minutes and seconds, such as 12°34'56.7", 12d34m or -0:00:30, or None.
+    """Return an angle in degrees, minutes and seconds, such as 12°34'56.7", 12d34m or -0:00:30, in deg, or None.
 
     text: text of the cell.
-    by_colons: whether colons separate degrees, minutes and seconds; elsewhere they may belong to a time.
+    by_colons: whether colons may separate the parts of an angle; if not, they are those of a time.
     Raises ValueError for 60 or more minutes or seconds, and for a fraction before the last part.
     """
     match = _SEXAGESIMAL.fullmatch(text.strip())
