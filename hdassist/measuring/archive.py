@@ -49,8 +49,8 @@ class ArchiveEntry:
     low_arcsec, high_arcsec: ends of the 95 % interval.
     F_ior_is_lower_bound: whether the recording covers only a part of the cycle.
     unstated: sources of uncertainty that have no value.
-    hole, M_g_Nm, temperature_C, encoders: stated conditions, None if not stated: hole of the housing seat, torque
-    [N*m], temperature [deg C] and encoders.
+    hole, M_g_Nm, temperature_C, encoders: hole of the housing seat, torque [N*m], temperature [deg C] and encoders,
+    each None if not stated.
     """
 
     __pydantic_config__ = ConfigDict(extra="ignore", allow_inf_nan=False)
@@ -72,7 +72,7 @@ class ArchiveEntry:
     F_ior_is_lower_bound: bool
     travel_deg: float | None = None
     unstated: tuple[str, ...]
-    is_by_model: bool = False  # if false, F'_ior is the range of the fitted orders, as in entries of earlier versions
+    is_by_model: bool = False  # if false, F'_ior is the range of the fitted orders, as in early versions
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
@@ -135,12 +135,12 @@ def add_to_archive(
 ) -> bool:
     """Add a recording to the archive of a folder, and return whether any of its directions are new.
 
-    An existing entry for the same drive, recording and direction is superseded by a new line if its conditions were
-    stated differently, or if F'_ior now comes from the model and did not before. The last line of an identity counts.
+    A new line supersedes an existing entry for the same drive, recording and direction if the stated conditions differ,
+    or if only one of the two values of F'_ior comes from the model. The last line for a direction counts.
 
     folder: path of the folder, which is created if it does not exist.
     conditions: conditions of the recording, as `read_conditions` returns them.
-    measurement: result for the recording.
+    measurement: results for the recording.
     Raises UsageError for invalid conditions or a file that is not an archive.
     Raises DataError if the archive is damaged or cannot be written.
     """

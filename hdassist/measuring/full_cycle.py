@@ -1,6 +1,6 @@
 """F'_ior of the full cycle from the model of `hdassist.recording`, for whole cycles and for parts.
 
-The rules of `orders` give the range of fitted orders at the recorded angles. The model also contains the waves that
+The functions of `orders` give the range of fitted orders at the recorded angles. The model also contains the waves that
 these orders omit, especially those of rough teeth. For a part of the cycle it includes the waves that, by their prior,
 are possible at positions without readings. The interval therefore has two kinds of ends: the lower one refers to
 covered positions, the upper one to the cycle. A value between them would depend on the cautious prior. For a part of
@@ -12,11 +12,12 @@ that the model receives the averages of the fit. Sources of uncertainty that the
 interval at both ends.
 
 `measure` and `accept` state the same interval. A verdict requires two further numbers: `at_most_arcsec`, the smallest
-limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest one that it
-exceeds. The former requires at least a third of the cycle (`LEAST_SHARE_OF_PASS`). With less, the prior alone decides
-whether the remainder resembles the recorded part. The upper end also includes lines outside the orders that the fit of
-`measure` finds, because in another cycle their peaks may coincide with those of the curve. If the readings are coarse,
-most such lines are images of high orders. These recur in each cycle and are part of the model, so they are not added.
+limit that F'_ior of the full cycle meets with a probability of 95 %, and `at_least_arcsec`, the largest limit that it
+exceeds with this probability. The former requires at least a third of the cycle (`LEAST_SHARE_OF_PASS`). With less, the
+prior alone decides whether the remainder resembles the recorded part. The upper end also includes lines outside the
+orders that the fit of `measure` finds, because in another cycle their peaks may coincide with those of the curve. If
+the readings are coarse, most such lines are images of high orders. These recur in each cycle and are part of the model,
+so they are not added.
 
 The model applies only in its domain, which is defined in `reason_outside`: the cycle and the size of the error are
 known, F'_ior refers to the whole cycle, and the recording has one direction, one torque and 12 % of the cycle or more.
@@ -45,17 +46,17 @@ LEAST_SHARE_OF_PASS = 1 / 3  # share of the cycle from which the upper end may p
 # largest slow terms, as a multiple of the range of the orders; larger ones may result from a wrong ratio
 _LARGEST_SLOW = 10.0
 _FEWEST_EFFECTIVE = 40.0  # effective sample size below which the upper end is unknown
-_MOST_BLOCKS = 30_000  # blocks of readings: three cycles of ratio 100; a larger design needs too much memory
+_MOST_BLOCKS = 30_000  # maximum number of blocks of readings, as in three cycles of ratio 100, to limit memory
 # agreement of phases for which a line lies within 0.6 of the resolution of the wave or of its image
 _LINE_IS_WAVE = 0.5
 _READINGS_AT_ONCE = 2000  # number of readings whose phases are in memory at a time
-_PAUSE = 1e6  # rows between two levels, so that each level is a separate run
+_PAUSE = 1e6  # pause between two levels, in rows, which makes each level a separate run
 
 
 def with_full_cycle(result: Measurement) -> Measurement:
     """Return a measurement with F'_ior of the full cycle for each direction, the one with the largest value first.
 
-    result: a measurement; if it already contains these results, it is returned unchanged.
+    result: measurement, which is returned unchanged if it already contains these results.
     """
     if all(direction.full_cycle is not None for direction in result.directions):
         return result
@@ -97,8 +98,8 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
 def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     """Return F'_ior of the full cycle, or the reason why it is not available.
 
-    result: a measurement.
-    sweep: one of its directions.
+    result: measurement.
+    sweep: direction of the measurement.
     """
     reason = reason_outside(result, sweep)
     if reason or result.gearing is None:
@@ -118,7 +119,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     ends = _Ends(figure, other_uncertainty)
     low, high = ends.interval_arcsec
     at_least = ends.at_least_arcsec
-    if sweep.is_bound:  # for parts of artificial steep waves, the model alone was up to 2 % too high
+    if sweep.is_bound:  # for parts of artificial steep waves, the lower end of the model was up to 2 % too high
         low = min(low, sweep.range.interval[0])
         at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
@@ -136,7 +137,7 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
 
 
 def _is_enough_to_pass(sweep: SweepResult) -> bool:
-    """Return whether a direction covers enough of the cycle for a PASS by the upper end."""
+    """Return whether a direction covers enough of the cycle for its upper end to pass a drive."""
     return sweep.coverage is not None and sweep.coverage.share >= LEAST_SHARE_OF_PASS
 
 
@@ -168,8 +169,8 @@ def _rise_by_lines(sweep: SweepResult, posterior: AmplitudePosterior) -> float:
 class _Ends:
     """Ends of the interval of F'_ior from samples of the model, with sources of uncertainty outside the model.
 
-    figure: the samples.
-    others: standard uncertainty due to those sources [arcsec].
+    figure: F'_ior from samples of the model.
+    others: standard uncertainty due to the sources outside the model [arcsec].
     """
 
     def __init__(self, figure: RangeFigure, others: float) -> None:
@@ -194,7 +195,7 @@ class _Ends:
 
     @property
     def cycle_uncertainty_arcsec(self) -> float:
-        """The standard uncertainty of F'_ior from the samples, a quarter of their 95 % interval."""
+        """The standard uncertainty of F'_ior from the samples, a quarter of the width of their 95 % interval."""
         low, high = self._figure.interval_arcsec
         return (high - low) / (2 * COVERAGE_FACTOR)
 

@@ -10,7 +10,7 @@ Forward is the side 1 (+), backward the side -1 (-):
     A_s = max over i of (x_is + 2 s_is) - min over i of (x_is - 2 s_is);   A: over i and s            (5)
 
 Source: ISO 230-2:2014, clause 2. The standard requires five approaches from each side, and adds no measurement
-uncertainty to these quantities. Here the number of approaches is part of the result.
+uncertainty to these quantities. Here any number of approaches is allowed, and is part of the result.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from hdassist.model.geometry import Array
 
 _FORWARD = 1.0
 _BACKWARD = -1.0
-FEWEST_APPROACHES = 5  # approaches of each position from each side that the standard requires
+FEWEST_APPROACHES = 5  # number of approaches of each position from each side that the standard requires
 _SIDES = 2
-_FEWEST_FOR_SCATTER = 2  # approaches from which a sample standard deviation is defined
+_FEWEST_FOR_SCATTER = 2  # minimum number of approaches for a sample standard deviation
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PositioningTest:
 
     figures: the quantities that the approaches determine.
     positions: number of positions.
-    approaches: smallest number of approaches of a position from one side.
+    approaches: smallest number of approaches of any position from any side that occurs.
     reversal_uncertainty_arcsec: standard uncertainty of the mean reversal value due to the scatter of the approaches,
     None if the scatter is unknown.
     """
@@ -97,7 +97,7 @@ class _SideStatistics:
 def positioning_test(record: PositionRecord) -> PositioningTest | None:
     """Return the quantities of ISO 230-2 that approached positions determine, or None if they determine none.
 
-    Quantities of both sides require that each position was approached from both sides. Quantities with a standard
+    Bidirectional quantities require that each position was approached from both sides. Quantities with a standard
     deviation require two approaches of every position from each side that occurs.
     """
     numbers = record.position_numbers()
@@ -112,7 +112,7 @@ def positioning_test(record: PositionRecord) -> PositioningTest | None:
     for side, statistics in sides.items():
         figures += _one_sided(statistics, "+" if side == _FORWARD else "-")
     uncertainty = None
-    # bidirectional quantities require every position from both sides
+    # bidirectional quantities require approaches of every position from both sides
     if len(sides) == _SIDES:
         figures += _two_sided(sides[_FORWARD], sides[_BACKWARD])
         uncertainty = _reversal_uncertainty(sides[_FORWARD], sides[_BACKWARD])
@@ -145,7 +145,7 @@ def _side_statistics(
         if not len(approaches):
             return None
         counts[number] = len(approaches)
-        # mean unidirectional deviation of a position, and the estimator of its repeatability
+        # mean deviation of a position from one side, and its sample standard deviation
         means[number] = approaches.mean()
         deviations[number] = approaches.std(ddof=1) if len(approaches) > 1 else np.nan
     return _SideStatistics(means, deviations, counts)
@@ -169,7 +169,7 @@ def _one_sided(side: _SideStatistics, sign: str) -> list[_PositioningFigure]:
 
 
 def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_PositioningFigure]:
-    """Return the bidirectional quantities by (1) to (5), or reversal value and repeatability of a single position."""
+    """Return the bidirectional quantities by (1) to (5), or only B and R for a single position."""
     # reversal value of each position
     reversal = forward.mean - backward.mean
     figures = [
@@ -198,7 +198,10 @@ def _two_sided(forward: _SideStatistics, backward: _SideStatistics) -> list[_Pos
 
 
 def _reversal_uncertainty(forward: _SideStatistics, backward: _SideStatistics) -> float | None:
-    """Return the standard uncertainty of the mean reversal value from the pooled scatter [arcsec], or None."""
+    """Return the standard uncertainty of the mean reversal value from the pooled scatter [arcsec].
+
+    The result is None if no approach was repeated.
+    """
     counts = np.concatenate([forward.count, backward.count])
     freedom = float((counts - 1).sum())
     if not freedom:

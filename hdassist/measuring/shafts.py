@@ -1,7 +1,7 @@
 """Components of a recording that repeat with shafts outside the drive, such as belts, pulleys and motors.
 
 A shaft makes f revolutions per input revolution. Its component a cos(2 pi f x + phase) over the input angle x is fitted
-together with the orders of the drive, the slow terms and the lines of the recording, so that none of these absorbs a
+together with the orders of the drive, the slow terms and the lines of the recording, so that these do not absorb any
 part of it. A shaft gets no component if the recording does not distinguish it from an order of the drive, from another
 shaft or from slow terms, or if the readings are too far apart.
 """
@@ -56,11 +56,12 @@ class ShaftComponent:
     """Component of a shaft in one direction of a recording: amplitude cos(per_cam_rev angle + phase).
 
     shaft: name of the shaft.
-    stated: its period or speed as entered.
+    stated: period or speed of the shaft as entered.
     per_cam_rev: shaft revolutions per input revolution.
     period_s: time of one revolution, None in a recording without times.
     measured_per_cam_rev: per_cam_rev measured in the recording, None if no line is found there.
-    amplitude_arcsec, uncertainty_arcsec, phase_deg: None if the recording does not determine the component.
+    amplitude_arcsec, uncertainty_arcsec, phase_deg: amplitude with its standard uncertainty, and phase; None if the
+    recording does not determine the component.
     missing: reason why the recording does not determine the component, empty if it does.
     """
 
@@ -81,7 +82,7 @@ class ShaftComponent:
 
 
 def parse_shafts(text: str | None) -> tuple[Shaft, ...]:
-    """Return the shafts in a text such as "belt=288s,motor=12/input", or an empty tuple without a text.
+    """Return the shafts in a text such as "belt=288s,motor=12/input", or an empty tuple if the text is None.
 
     Raises UsageError if the text does not have this form, or if a name occurs twice.
     """
@@ -122,8 +123,8 @@ class _Place:
     """The position of a shaft among the orders of a recording.
 
     shaft: shaft as entered.
-    order: its revolutions per input revolution, computed from its stated period or speed.
-    line: order of the line that the recording shows there, None without a line.
+    order: revolutions of the shaft per input revolution, from the stated period or speed.
+    line: order of the fitted line that is not resolved from this order, None if there is no such line.
     """
 
     shaft: Shaft
@@ -212,7 +213,7 @@ def _order_of(
     gearing: Gearing | None,
     speed: float | None,
 ) -> float:
-    """Return the revolutions of a shaft per input revolution."""
+    """Return the revolutions of a shaft per input revolution. Raises the errors of `shaft_components`."""
     if shaft.per_rev is not None and not shaft.is_of_output:
         return shaft.per_rev
     if shaft.per_rev is not None:
@@ -233,7 +234,7 @@ def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
     if trace.turns_per_s or trace.time_s is None:
         return
     speed = _input_speed(trace) or 0.0
-    departure = 0.0  # largest departure of the input angle from that at constant speed, in revolutions
+    departure = 0.0  # largest departure of the input angle from the angle at constant speed, in revolutions
     for angle, time in zip(trace.by_sweep(trace.cam_deg), trace.by_sweep(trace.time_s), strict=True):
         off_turns = np.abs(angle - angle[0]) / 360 - speed * (time - time[0])
         departure = max(departure, float(np.ptp(off_turns)) / 2)
@@ -291,7 +292,7 @@ def _fitted(
     fit: TraceFit,
     orders: Array,
 ) -> TraceFit:
-    """Return the fit to a recording with the orders of shafts instead of the lines not resolved from them."""
+    """Return the fit to a recording in which orders of shafts replace the lines that are not resolved from them."""
     within = RESOLVED_GAP / fit.bins.span
     lines = np.asarray(fit.lines, dtype=float)
     if len(lines):

@@ -12,8 +12,8 @@ the residuals, and the search continues with the remainder.
 
 The frequency of a component determines its kind. If a run over the whole cycle resolves the sidebands, and the
 component lies on a sideband of an order, with |j| up to 14 and a quarter of the ratio, it is this wave (k, j) of the
-torus. Otherwise it is a line, for example of a ball pass or a motor: a wave with a separate phase in each run, which
-has another phase in the next cycle.
+torus. Otherwise it is a line, for example of a ball pass or a motor. A line has a separate phase in each run, because
+its phase differs from cycle to cycle.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from hdassist.model.geometry import Array
 
 _Indices = NDArray[np.int64]
 _CHANCE = 1e-3  # probability per recording of a component due to noise
-_NEIGHBOURS = 64  # frequencies around a peak, on both sides together, that show the level of the noise
-_PEAK_PLACES = 4  # frequencies on each side of a peak that belong to it, in a spectrum twice as fine as the resolution
-MOST_COMPONENTS = 8
+_NEIGHBOURS = 64  # total number of frequencies on both sides of a peak that show the level of the noise
+_PEAK_PLACES = 4  # number of frequencies on each side of a peak that belong to it, two per resolved frequency
+MOST_COMPONENTS = 8  # maximum number of components
 _FEWEST_PERIODS = 3.0  # minimum number of periods in the longest run; slower components are drift or output waves
-# widest sideband of a component that is a wave of the torus; the second number is relative to the ratio
+# largest |j| of a component that is a wave of the torus: as a number, and as a share of the ratio
 _WIDEST_SIDEBAND, _WIDEST_OF_RATIO = 14, 0.25
 _ON_WAVE = 0.2  # largest distance of a component from a wave of the torus, as a share of the resolution
 _WHOLE = 0.97  # share of the cycle in one run from which its sidebands are resolved
-# cells per step of even angles to which residuals are assigned; a wave loses at most 3 % of its power
+# number of cells per usual step to which residuals are assigned, for which a wave loses at most 3 % of its power
 _CELLS_PER_STEP = 4
 # distance from a removed line, as a share of the resolution, within which a component is a remainder of the line
 SAME_PLACE = 0.25
-_REMOVAL_STEPS = 5  # steps between two frequencies of the spectrum in the search for a peak
+_REMOVAL_STEPS = 5  # number of steps between two frequencies of the spectrum in the search for a peak
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Components:
     lines: tuple[float, ...] = ()
 
     def joined(self, others: Components) -> Components:
-        """Return the union of these components and other ones."""
+        """Return all of these components and of other components."""
         return Components(pairs=tuple({*self.pairs, *others.pairs}), lines=self.lines + others.lines)
 
 
@@ -102,7 +102,7 @@ def line_columns(
     run: _Indices,
     lines: tuple[float, ...],
 ) -> Array:
-    """Return cosines and sines of lines, a pair of columns for each line and run, shape (readings, 2 runs lines).
+    """Return the cosine and sine of each line in each run, as columns of shape (readings, 2 runs lines).
 
     path_rev: input angle along the run [rev], shape (readings,).
     run: number of the run, shape (readings,).
@@ -123,7 +123,9 @@ def _clearest_place(
     run: _Indices,
     longest: float,
 ) -> float | None:
-    """Return the frequency of the component that exceeds the noise most [periods per input rev], or None.
+    """Return the frequency of the component that exceeds the noise most [periods per input rev].
+
+    The result is None if no component clearly exceeds the noise.
 
     longest: length of the longest run [rev].
     """
@@ -150,7 +152,7 @@ def _spectrum(
     run: _Indices,
     longest: float,
 ) -> tuple[Array, Array]:
-    """Return frequencies [periods per input rev], twice as fine as the longest run resolves, and the power (R14).
+    """Return frequencies [periods per input rev], two per resolved frequency of the longest run, and the power (R14).
 
     The power is summed over the runs. Residuals are assigned to even angles that are finer than the usual step, so that
     missing or uneven readings do not shift a component. The highest frequency is half a period per usual step.
@@ -178,7 +180,7 @@ def _wave_at(
     run: _Indices,
     place: float,
 ) -> Array:
-    """Return the best-fitting wave at a frequency, with a separate phase in each run, shape (blocks,)."""
+    """Return the best-fitting wave at a frequency, with an amplitude and phase for each run, shape (blocks,)."""
     columns = line_columns(path_rev, run, (place,))
     return np.asarray(columns @ np.linalg.lstsq(columns, residual, rcond=None)[0])
 

@@ -7,18 +7,16 @@ one range. Two ranges are needed, one for each end of the interval:
     seen  = min(range over covered positions + min(rest, 0) + min(flank, 0) - excess, range of the readings).  (R13)
 
 - rest: the contribution of waves beyond the model to the range, c u. The rms u of such waves follows from the fine
-waves
-  of the model, and c from solved drives (see sizes); u is at most the rms of the residuals. `seen` excludes positive
-  contributions.
+  waves of the model, and c from solved drives (see sizes); u is at most the rms of the residuals. `seen` excludes
+  positive contributions.
 - lines: the amplitudes of lines outside the orders. In another cycle their peaks may coincide with those of the curve;
   `seen` includes them with the recorded phases.
 - excess: noise makes the range of a sample larger than that of the true curve. The excess is the mean range of the
   samples minus the range of the mean curve, both at the readings. Between the readings it would also include waves that
   coarse readings do not determine, which are not noise.
 - flank: a finite series overshoots next to a steep flank, and its range is too large. The readings there lie inside the
-  curve. flank is the mean residual at the highest positions of the mean curve minus that at the lowest, if it is
-negative
-  beyond its own noise, otherwise 0.
+  curve. flank is the mean residual at the highest positions of the mean curve minus that at the lowest. It counts as 0
+  unless it is negative beyond its own noise.
 - A position is covered if a reading is close to it (`visited_places`). A steep flank also overshoots between two
   readings, so the range over covered positions is limited to that of the curve at the readings, with peaks between them
   from parabolas. Positions without readings cannot show that a drive is bad, whatever the prior is, so `seen` excludes
@@ -48,7 +46,7 @@ from hdassist.recording.sizes import FINE_ORDER, rest_profile
 from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, parabola_peak, visited_places
 
 _CHUNK = 50  # number of curves computed at a time, to limit memory
-_CELLS = 36  # cells of the cycle, one or several of which form the part to record next
+_CELLS = 36  # number of cells into which the cycle is divided; one or several form the part to record next
 _CELL_SHARE = 0.5  # share of the best cell's weight from which an adjacent cell belongs to the same part
 _TAIL = 0.025  # probability beyond each end of an interval
 # share of the range, from either extreme of the mean curve, within which readings show an overshoot
@@ -61,7 +59,7 @@ class RangeFigure:
     """F'_ior over the cycle or a travel.
 
     whole_arcsec: samples of the range over all positions (R12), shape (draws,).
-    recorded_arcsec: the same with lines at the recorded phases, shape (draws,).
+    recorded_arcsec: samples of the range over all positions with lines at the recorded phases, shape (draws,).
     seen_arcsec: samples of the range over covered positions (R13), shape (draws,); zeros if no position is covered.
     visited_share: share of the positions with readings, 0 to 1.
     whole_effective, seen_effective: effective sample size of each range.
@@ -95,11 +93,11 @@ class RangeFigure:
         return self.lower_arcsec(1 - _TAIL), self.upper_arcsec(1 - _TAIL)
 
     def lower_arcsec(self, share: float) -> float:
-        """Return the value that a share of the samples over covered positions exceeds, at its far end (R15)."""
+        """Return the value that a share of the samples over covered positions, increased by (R15), exceeds."""
         return float(np.quantile(self.seen_arcsec, 1 - _far_share(share, self.seen_effective)))
 
     def upper_arcsec(self, share: float) -> float:
-        """Return the quantile of the range over all positions for a share of the samples, at its far end (R15)."""
+        """Return the quantile of the range over all positions for a share of the samples increased by (R15)."""
         return float(np.quantile(self.whole_arcsec, _far_share(share, self.whole_effective)))
 
     @property
@@ -132,7 +130,7 @@ class RangeFigure:
     ) -> Verdict:
         """Return PASS, FAIL or INCONCLUSIVE for a limit.
 
-        limit_arcsec, uncertainty_arcsec: see `probability_of_meeting`.
+        limit_arcsec, uncertainty_arcsec: arguments of `probability_of_meeting`.
         sure: probability that PASS and FAIL require.
         """
         if self.probability_of_meeting(limit_arcsec, uncertainty_arcsec).low >= sure:
@@ -143,11 +141,12 @@ class RangeFigure:
 
 
 def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
-    """Return the part of the cycle whose recording would narrow F'_ior most [input rev from the zero of the angles].
+    """Return the ends of the part of the cycle whose recording would narrow the interval of F'_ior most [input rev].
 
-    It contains most extremes of the sampled curves at positions without readings, each weighted by the contribution of
-    such positions to its range. If the part contains the end of the cycle, its own end lies beyond it. The result is
-    None if all positions are covered, or uncovered positions do not contribute to the range.
+    Angles count from the zero of the recorded angles. The part has the largest number of extremes of the sampled curves
+    at positions without readings, each weighted by the contribution of such positions to the range of its curve. If the
+    part contains the end of the cycle, its second angle exceeds the length of the cycle. The result is None if all
+    positions are covered, or if uncovered positions do not contribute to the range.
     """
     seen = visited_places(posterior.visited_rev, posterior.cycle)
     cell_of_point = np.arange(len(seen)) * _CELLS // len(seen)
@@ -224,7 +223,7 @@ def _ranges_of_travel(
     in_travel: NDArray[np.bool_],
     seen: NDArray[np.bool_],
 ) -> tuple[Array, Array]:
-    """Return samples of the range over the positions of a travel, and over those with readings, each (draws,)."""
+    """Return samples of the range over the positions of a travel, and over those with readings, both (draws,)."""
     draws = len(posterior.amplitudes)
     whole_range = np.empty(draws)
     seen_range = np.zeros(draws)
@@ -242,21 +241,21 @@ def _share_below(
     limit: float,
     uncertainty: float,
 ) -> float:
-    """Return the share of samples at or below a limit, each smoothed by the instrument's uncertainty [arcsec]."""
+    """Return the share of samples at or below a limit, smoothed by the instrument's standard uncertainty [arcsec]."""
     if uncertainty:
         return float(np.mean(ndtr((limit - values) / uncertainty)))
     return float(np.mean(values <= limit))
 
 
 def _far_share(share: float, effective: float) -> float:
-    """Return the share of samples p' (R15) at which an upper quantile is taken, for an effective sample size."""
+    """Return the increased share p' (R15) for a share of samples with an effective sample size."""
     return float(betaincinv(effective * share + 0.5, effective * (1 - share) + 0.5, 1 - (1 - CONFIDENCE) / 2))
 
 
 class _BlockPoints:
     """The blocks of readings inside a travel.
 
-    inside: whether each block is inside, shape (blocks,).
+    inside: whether each block of the recording is inside the travel, shape (blocks,).
     """
 
     def __init__(self, posterior: AmplitudePosterior, in_travel: NDArray[np.bool_]) -> None:
@@ -269,7 +268,7 @@ class _BlockPoints:
     def range(self, values: Array) -> Array:
         """Return the range of curves over the blocks, with peaks between blocks from parabolas, shape (curves,).
 
-        The range is 0 without a block.
+        The range is 0 if there are no blocks.
 
         values: values of the curves at the blocks, shape (curves, blocks inside).
         """
@@ -290,7 +289,7 @@ class _BlockPoints:
 
 
 def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
-    """Return the overshoot of the mean curve next to flanks [arcsec], at most 0."""
+    """Return the term `flank` of (R13) for the overshoot of the mean curve [arcsec], at most 0."""
     curve = posterior.block_curves[:, at_blocks.inside].mean(axis=0)
     residual = posterior.block_residual[at_blocks.inside]
     if not len(curve):

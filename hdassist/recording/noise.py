@@ -28,15 +28,15 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array
 
 _Indices = NDArray[np.int64]
-_CHANCE_SIGMAS = 3.0
-_LEAST_RHO = 0.1
-_LONGEST_DECAY_REV = 0.5  # input revolutions
-_THETA_STEPS = 400
+_CHANCE_SIGMAS = 3.0  # number of standard errors within which a correlation counts as 0
+_LEAST_RHO = 0.1  # smallest rho of correlated noise
+_LONGEST_DECAY_REV = 0.5  # longest decay of the correlation, in input revolutions
+_THETA_STEPS = 400  # number of values of theta that are compared
 
 
 @dataclass(frozen=True)
 class NoiseMemory:
-    """The two coefficients of (R4), both 0 for white noise."""
+    """The two coefficients rho and theta of (R4), both 0 for white noise."""
 
     rho: float = 0.0
     theta: float = 0.0
@@ -80,7 +80,7 @@ def _covariance(
     run: _Indices,
     lag: int,
 ) -> float:
-    """Return the mean product of residuals `lag` blocks apart within a run, or 0 if all runs are shorter."""
+    """Return the mean product of residuals `lag` blocks apart within a run, or 0 if no run is longer than the lag."""
     same = run[lag:] == run[: len(run) - lag]
     products = (residual[lag:] * residual[: len(residual) - lag])[same]
     return float(products.mean()) if len(products) else 0.0

@@ -8,7 +8,7 @@ cycle) is
     phi = t mod 1,   psi = t / i mod 1,   0 <= t < p.                                                          (R1)
 
 (R1) does not depend on the sequence of the rows, on wrapping, or on the start of the recording. Three further
-properties of a reading matter: the direction of rotation, the run to which it belongs, and its neighbours in time. A
+properties of a reading matter: its direction of rotation, its run, and its neighbours in time. A
 run is continuous and at most one cycle long: sweeps that continue one another in position and time form one run, and a
 second pass over the cycle starts a new one. Each run has its own level, because encoders are often zeroed between two
 runs.
@@ -32,11 +32,11 @@ from hdassist.readers.trace import MeasuredTrace
 _Indices = NDArray[np.int64]
 # largest denominator of the ratio, in output revolutions; longer cycles are not recorded in practice
 _LARGEST_DENOMINATOR = 20
-_FEWEST_READINGS = 20
-_MISFIT_REV = 0.1  # input revolutions by which the two angles of a reading may disagree
+_FEWEST_READINGS = 20  # minimum number of readings in a recording
+_MISFIT_REV = 0.1  # largest disagreement of the two angles of a reading, in input revolutions
 _PLACE_DIGITS = 9  # decimal digits of a revolution to which positions are distinguished
-_JOINED_STEPS = 3.0  # median steps; a longer gap starts a new run
-_ONE_WAY = 0.9  # share of the steps in one direction from which a sweep has that direction
+_JOINED_STEPS = 3.0  # longest gap within a run, in median steps
+_ONE_WAY = 0.9  # smallest share of the steps of a sweep that are in its direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ class Recording:
     output_rev: output angle [rev], shape (readings,).
     error_arcsec: error [arcsec], shape (readings,).
     sweep: number of the sweep of each reading, shape (readings,).
-    time: time stamp of each reading in any unit, or its number, shape (readings,).
+    time: time stamp of each reading in any unit, or the number of the reading, shape (readings,).
     ratio: input revolutions per output revolution, above 1.
     Raises DataError for arrays of different lengths, values that are not finite, fewer than 20 readings, a constant
-    error, a ratio without a closed cycle, and angles that contradict the ratio.
+    error, a ratio for which the cycle does not close, and angles that contradict the ratio.
     """
 
     input_rev: Array
@@ -99,8 +99,8 @@ class OrderedReadings:
     error_arcsec: error [arcsec], shape (readings,).
     run: number of the run, ascending from 0, shape (readings,).
     elapsed: time within the run, scaled to -1/2 to 1/2, shape (readings,).
-    turned: -1 if the angles were mirrored because the shaft rotated backwards, otherwise 1.
-    flipped: -1 if the error was multiplied by -1, otherwise 1.
+    turned: factor by which the angles were multiplied, -1 if the shaft rotated backwards and 1 if not.
+    flipped: factor by which the error was multiplied, 1 or -1.
     cycle: ratio in lowest terms.
     """
 
@@ -186,7 +186,8 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     if {1, -1} <= set(senses):
         raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
     turned = -1 if -1 in senses else 1
-    place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length  # equal bit by bit
+    # rounding gives equal positions equal bits
+    place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length
     centred = recording.error_arcsec - recording.error_arcsec.mean()
     flipped = -1 if centred[np.argmax(np.abs(centred))] < 0 else 1
     error = flipped * recording.error_arcsec
@@ -216,8 +217,8 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
 def _place_and_misfit(recording: Recording) -> tuple[Array, Array]:
     """Return the positions (R1) of readings on the cycle and the disagreement of their angles [input rev].
 
-    The output angle alone does not show in which of the q revolutions of the cycle it is; the input angle determines
-    this.
+    The input angle determines in which of the q output revolutions of the cycle a reading lies, as the output angle
+    alone does not show it.
     """
     cycle = cycle_of(recording.ratio)
     phi = recording.input_rev % 1.0

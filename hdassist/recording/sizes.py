@@ -11,7 +11,7 @@ profiles q (orders) and r (sidebands) are data from solved drives (`sizes.toml`)
 `OUTPUT_PROFILE`. A half-t distribution has most of its mass near 0 and a long tail. The readings therefore determine
 the size of a wave that they show, and a wave that they do not show remains as uncertain as the profile.
 
-A half-t variable of scale s is conjugate with one auxiliary variable x (Wand et al. 2011, Bayesian Analysis 6, 847):
+A half-t variable of scale s is conjugate given an auxiliary variable x (Wand et al. 2011, Bayesian Analysis 6, 847):
 
     v | x ~ IG(nu/2, nu/x),   x ~ IG(1/2, 1/s^2),   IG the inverse gamma distribution.                         (R7)
 
@@ -31,7 +31,7 @@ from hdassist.recording.waves import USUAL_SIDEBANDS
 
 _Indices = NDArray[np.int64]
 _FREEDOM = 3.0  # degrees of freedom nu: tails like x^-4, so that a wave far above its profile is not shrunk
-_LEAST_VARIANCE = 1e-14  # smallest variance as a share of A^2, so that no precision overflows
+_LEAST_VARIANCE = 1e-14  # smallest variance as a share of A^2, which prevents overflow of a precision
 _PROFILES = package_table("recording/sizes.toml")  # written by benchmarks/sizes.py, from solved drives
 # Size of an order relative to the rms of the error, for k = 0, 1, 2, ...; the last value applies to higher orders. The
 # value for k = 0 is a cautious assumption, because slow waves of a recording also come from encoders, couplings and
@@ -51,7 +51,7 @@ FINE_ORDER: int = _PROFILES["rest"]["fine_order"]
 
 @dataclass(frozen=True)
 class _RestProfile:
-    """Sizes of the waves beyond the pairs (see the comment on FINE_ORDER).
+    """Sizes of the waves that are not among the pairs of the model (see the comment on FINE_ORDER).
 
     size: median of their rms relative to that of the fine waves.
     size_log_sigma: standard deviation of its logarithm.
@@ -66,9 +66,9 @@ class _RestProfile:
 
 
 def rest_profile(highest: int, gear_ratio: float) -> _RestProfile:
-    """Return the sizes of the waves beyond pairs up to a highest odd order.
+    """Return the sizes of the waves that a model with pairs up to a highest odd order omits.
 
-    They are interpolated between tabulated orders, and linear in the logarithm of the ratio.
+    The sizes are interpolated between tabulated orders, and linear in the logarithm of the ratio.
 
     highest: highest odd order of the pairs.
     gear_ratio: input revolutions per output revolution; below 50, where no drive was solved, it counts as 50.

@@ -30,23 +30,23 @@ from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
 BLOCKS_PER_REV = 80  # maximum number of blocks per input revolution
-# points per input revolution: 3 per period of the highest order, between which a parabola gives the peak
+# points of a curve per input revolution, 3 per period of the highest order; parabolas give the peaks between them
 CURVE_POINTS_PER_REV = 240
 # Highest order that is included for any sampling. Coarse readings show a higher order as a lower one (its image) or not
 # at all, so they do not exclude it. In solved drives, orders above 16 have 3 % of the power of the error.
 ALWAYS_ORDER = 16
-_SIDEBAND_ORDER = 20  # the highest order with sidebands
-_HIGHEST_ORDER = 36  # the highest odd order
+_SIDEBAND_ORDER = 20  # highest order with sidebands
+_HIGHEST_ORDER = 36  # highest order of the waves other than those of single teeth
 # Differences between teeth give even orders (two zones mesh) up to half the number of teeth of a wheel, 1 + ratio.
-# Their waves rotate with either wheel, with one sideband on each side. With them the range of solved drives is 97 +-
-# 2.6 % of the true one, without them 90 +- 8 %.
+# Their waves rotate with either wheel, with one sideband on each side. With these waves the range of solved drives is
+# 97 +- 2.6 % of the true range, without them 90 +- 8 %.
 _HIGHEST_FINE_ORDER = 80
-_POINTS_PER_PERIOD = 2.2  # blocks per period of the highest order
-USUAL_SIDEBANDS = 6  # sidebands on each side of an order
-_VISITED_REV = 0.009  # input revolutions: a position with a reading within this distance on either side is covered
+_POINTS_PER_PERIOD = 2.2  # smallest number of blocks per period of the highest order
+USUAL_SIDEBANDS = 6  # number of sidebands on each side of an order
+_VISITED_REV = 0.009  # largest distance [input rev] of a covered position from a reading
 _PHASE_POINTS_PER_REV = 1024  # points per input revolution for the phases of two waves
 _SAME_READINGS = 0.9  # agreement of phases above which two waves have the same readings
-_CHUNK = 256  # rows whose columns are computed at a time, so that they fit into the processor's cache
+_CHUNK = 256  # number of rows whose columns are computed at a time, because they must fit into the processor's cache
 
 
 def wave_pairs(
@@ -81,7 +81,8 @@ def wave_pairs(
 def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int, int]]:
     """Return the waves due to differences between teeth, above the orders that are always included.
 
-    Two waves with the same number of periods per cycle are one wave, which is omitted if it is among the others.
+    Waves with the same number of periods per cycle are identical, so each is included only once and only if it is not
+    among the others.
 
     cycle: ratio in lowest terms.
     others: other waves.
@@ -103,7 +104,7 @@ def distinct_pairs(
     place_rev: Array,
     cycle: Fraction,
 ) -> _Indices:
-    """Return the waves without high orders that have the same readings as a lower one, shape (waves, 2).
+    """Return the waves, except those of high orders with the same readings as a lower wave, shape (waves, 2).
 
     At evenly spaced readings, a wave with m periods per cycle has the same readings as one with m' periods if all
     phases (m - m') t / p, or all (m + m') t / p, agree. The readings cannot distinguish them, and the lower order is
@@ -146,7 +147,7 @@ def _powers(angle_rev: Array, highest: int) -> NDArray[np.complex128]:
     """Return exp 2 pi i n angle for n from 0 to the highest number, shape (highest + 1, readings)."""
     powers = np.ones((highest + 1, len(angle_rev)), complex)
     once = np.exp(2j * np.pi * angle_rev)
-    for number in range(1, highest + 1):  # products take a tenth of the time of exponentials
+    for number in range(1, highest + 1):  # a product takes a tenth of the time of an exponential
         powers[number] = powers[number - 1] * once
     return powers
 
@@ -319,7 +320,7 @@ def curve_extremes(curves: Array, is_visited: NDArray[np.bool_]) -> CurveExtreme
 
 
 def _value_at_peak(curves: Array, highest: _Indices) -> Array:
-    """Return the maximum of periodic curves from a parabola through the highest point and its neighbours."""
+    """Return the maximum of periodic curves, from parabolas through the highest points and their neighbours."""
     rows = np.arange(len(curves))
     before = curves[rows, highest - 1]
     behind = curves[rows, (highest + 1) % curves.shape[1]]
