@@ -1,7 +1,7 @@
 """Weighted samples of a drive: joint draws of all unknown inputs, solved and weighted by the reference data.
 
-Importance sampling: draws come from the prior, then from a proposal closer to the reference data. Their weight is their
-likelihood over the density of the proposal.
+The method is importance sampling: the first draws come from the prior, and later ones from a proposal closer to the
+reference data. The weight of a draw is its likelihood divided by the density of the proposal.
 """
 
 from __future__ import annotations
@@ -44,12 +44,13 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 EFFECTIVE_SAMPLES = 64  # default effective sample size
-FEWEST_SAMPLES = 8  # smallest effective sample size with a result, if all draws give no more
+FEWEST_SAMPLES = 8  # smallest effective sample size that is accepted after the largest number of draws
 _FEWEST_AT_ONCE = 4  # smallest number of draws in a batch
 _SETS = 4  # number of sets of deviations on each contact system if all holes are equivalent
-_HOPELESS = 256  # number of draws without any result after which no more are made
-_ROUNDING = 1e-9  # relative rounding error of an effective sample size, because equal weights give a whole number
-_CONTRADICTION = 300.0  # factor by which the mean likelihood grows without a figure that contradicts the other figures
+_HOPELESS = 256  # number of draws after which sampling ends if none of them has a result
+_ROUNDING = 1e-9  # tolerance for rounding errors of an effective sample size that should be a whole number
+# factor by which the mean likelihood must grow without a datum for it to contradict the other reference data
+_CONTRADICTION = 300.0
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,11 @@ class SamplingEffort:
     """Limits of sampling.
 
     effective: smallest effective sample size.
-    settling_draws: largest number of draws made only to settle a limit, once the effective sample size is reached.
+    settling_draws: number of draws after which no more are made to settle a verdict.
     most_draws: largest total number of draws.
     batch: number of draws in a batch.
     least: effective sample size that is accepted after all draws; None for `effective`.
-    for_action: whether there is also a result if a figure contradicts the others; such a result supports no claim.
+    for_action: whether contradictory reference data still give a result, on which an action but no claim can be based.
     """
 
     effective: int = EFFECTIVE_SAMPLES
@@ -73,10 +74,10 @@ class SamplingEffort:
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
-        """Return the effort for a smallest effective sample size, with 16 times as many draws to settle a limit."""
+        """Return the effort for a smallest effective sample size."""
         return cls(
             effective=effective,
-            # largest number of draws for a verdict near its limit before it stays open
+            # a verdict that is not settled after these draws stays open
             settling_draws=16 * effective,
             most_draws=32 * effective,
             batch=min(16, effective),
@@ -88,22 +89,23 @@ class SamplingEffort:
 class Samples:
     """Weighted samples of a drive.
 
+    prior: prior of the drive.
     torques: torques [N*m].
-    shares: shares of each field's probability, shape (samples, fields).
+    shares: quantile levels of the fields, shape (samples, fields).
     F_ior_arcsec: F'_ior [arcsec], shape (samples, torques).
-    figures: other predictions by name, shape (samples,) each.
+    figures: other predicted values by name, shape (samples,) each.
     weights: weights, shape (samples,).
     draws: number of draws.
     refused: number of draws that are not valid drives or have no trustworthy result, by reason.
     seed: seed of the draws.
     rotations_deg: rotations of the fixed wheel [deg].
     turned_arcsec: F'_ior with the fixed wheel turned [arcsec], shape (samples, torques, rotations).
-    made: all draws, including those without a result.
-    stages: these samples in stages of growth, from the smallest number that suffices for a range.
-    few: remark if the effective sample size is smaller than requested.
+    made: all draws, including those without F'_ior.
+    stages: the samples after each batch, from the first batch that reached the requested effective sample size.
+    few: remark if the effective sample size is smaller than requested; empty if it is not.
     further_arcsec: F'_ior of further sets of deviations on the contact system of each sample [arcsec], shape (samples,
-        sets, torques); F'_ior as mounted is stated over all sets.
-    further_weights: weights of these sets, shape (samples, sets).
+        sets, torques); percentiles and probabilities include all sets.
+    further_weights: weights of the further sets, shape (samples, sets).
     """
 
     prior: DrivePrior
@@ -126,7 +128,7 @@ class Samples:
 
     @property
     def sets_arcsec(self) -> Array:
-        """F'_ior of all sets of deviations [arcsec], that of the sample first, shape (samples, sets, torques)."""
+        """F'_ior of all sets of deviations [arcsec], shape (samples, sets, torques)."""
         # the sample's own deviations are the first set
         first_set = self.F_ior_arcsec[:, None]
         if not self.further_arcsec.shape[1]:
@@ -143,14 +145,14 @@ class Samples:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remark on results from few samples."""
+        """Remark that the results are approximate, if the samples are few; empty if they are not."""
         if not self.few:
             return ()
         return (f"{self.few}, so the numbers are approximate; check the values of the preset, then its assumed ranges",)
 
     @property
     def of_ranges(self) -> Samples:
-        """The first samples, on which ranges and influences are based, so that further samples do not change them."""
+        """The samples of the first stage, on which ranges and influences are based; later draws do not change them."""
         return self.stages[0] if self.stages else self
 
     @property
@@ -171,7 +173,7 @@ class Samples:
         return [values | draws[row].follows for row, values in zip(rows, drawn, strict=True)]
 
     def equal_drives(self, count: int) -> list[dict[str, float]]:
-        """Return the values of some drives of equal weight by path.
+        """Return the field values of drives that represent equal shares of all weights, by path.
 
         count: number of drives.
         """
@@ -182,23 +184,23 @@ class Samples:
 
         torque: index of the torque.
         """
-        # among the samples on which ranges are based, so that it does not depend on the limit
+        # the first samples do not depend on the limit
         first = self.of_ranges
         return int(np.abs(first.F_ior_arcsec[:, torque] - first.percentile(0.5, torque)).argmin())
 
     def percentile(self, share: float, torque: int) -> float:
-        """Return a percentile of F'_ior [arcsec].
+        """Return a percentile of F'_ior at a torque over all sets of deviations [arcsec].
 
-        share: share of the percentile (0.95).
+        share: quantile level, for example 0.95.
         torque: index of the torque.
         """
         return weighted_quantile(self.sets_arcsec[:, :, torque].ravel(), self.set_weights.ravel(), share)
 
     def keeping(self, accuracy_arcsec: float, torque: int) -> Samples:
-        """Return the same samples, with weights that also include an accuracy.
+        """Return the same samples, with weights that also include the likelihood of an accuracy.
 
         accuracy_arcsec: accuracy that F'_ior meets [arcsec].
-        torque: index of the torque at which it does.
+        torque: index of the torque at which F'_ior meets it.
         """
         # the same soft limit by which a catalogue accuracy weights samples
         accuracy = accuracy_evidence(accuracy_arcsec, "unstated")
@@ -212,7 +214,10 @@ class Samples:
         )
 
     def percentile_error(self, share: float, torque: int) -> float:
-        """Return the Monte Carlo standard error of a percentile [arcsec], from percentiles one standard error away."""
+        """Return the Monte Carlo standard error of a percentile of F'_ior [arcsec].
+
+        It is half the difference between the percentiles at one standard error above and below the quantile level.
+        """
         # binomial standard error of the share below the percentile
         error_of_share = np.sqrt(share * (1 - share) / self.effective)
         low = self.percentile(float(np.clip(share - error_of_share, 0, 1)), torque)
@@ -220,21 +225,22 @@ class Samples:
         return (high - low) / 2
 
     def probability(self, outcome: Callable[[Samples], Array | NDArray[np.bool_]], sure: float = SURE) -> Probability:
-        """Return the probability of an outcome, from the smallest number of samples that settles a verdict.
+        """Return the probability of an outcome, from the first stage of samples that settles the verdict.
 
-        As many further samples would hardly change it, so samples drawn for another question do not affect it.
+        Twice the number of samples would hardly change the verdict. Later stages, which another limit may need, do not
+        affect the probability.
 
         outcome: function that returns whether each sample has the outcome, shape (samples,).
-        sure: probability that PASS needs.
+        sure: probability of the outcome from which the verdict is PASS.
         """
         return self._settled([probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)], sure)
 
     def probability_of_sets(self, outcome: Callable[[Array], Array | NDArray[np.bool_]], sure: float) -> Probability:
-        """Return the probability of an outcome of F'_ior as mounted, over all sets, as `probability` does.
+        """Return the probability of an outcome of F'_ior over all sets of deviations, by the rule of `probability`.
 
-        outcome: function that returns whether each set has the outcome, shape (samples, sets), from its F'_ior
-            [arcsec], shape (samples, sets, torques).
-        sure: probability that PASS needs.
+        outcome: function that returns whether each set has the outcome, shape (samples, sets), from the F'_ior of the
+            sets [arcsec], shape (samples, sets, torques).
+        sure: probability of the outcome from which the verdict is PASS.
         """
         probabilities = []
         for stage in self.stages or (self,):
@@ -250,7 +256,10 @@ class Samples:
         return self._settled(probabilities, sure)
 
     def _settled(self, probabilities: Sequence[Probability], sure: float) -> Probability:
-        """Return the probability from the first stage after which as many samples would hardly change a verdict."""
+        """Return the probability of the first stage whose verdict twice the number of samples would hardly change.
+
+        If there is no such stage, the result is the probability of the last stage.
+        """
         # later stages exist only because another limit needed them
         stable = [probability for probability in probabilities if probability.is_stable(sure)]
         settled = stable[0] if stable else probabilities[-1]
@@ -265,16 +274,18 @@ class Samples:
         """Return the probability that F'_ior at a torque is at most a limit [arcsec].
 
         torque: index of the torque.
+        sure: probability from which the verdict is PASS.
         """
         return self.probability_of_sets(lambda F_ior: F_ior[:, :, torque] <= limit_arcsec, sure)
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBelief:
-    """Percentiles and probabilities of F'_ior at one of the torques of samples [arcsec].
+    """Percentiles of F'_ior at one of the torques of samples.
 
+    samples: the samples.
     torque: index of the torque.
-    p5, p50, p95: percentiles of the first samples, which do not depend on further draws for a probability.
+    p5, p50, p95: percentiles over the first samples [arcsec]; further draws for a verdict do not change them.
     """
 
     samples: Samples
@@ -285,7 +296,10 @@ class ErrorBelief:
 
     @classmethod
     def of(cls, samples: Samples, torque: int) -> ErrorBelief:
-        """Return F'_ior at one of the torques, by its index."""
+        """Return the percentiles of F'_ior at a torque.
+
+        torque: index of the torque.
+        """
         first = samples.of_ranges
         return cls(
             samples=samples,
@@ -316,17 +330,17 @@ def draw_samples(
     torques: torques [N*m].
     rotations_deg: rotations of the fixed wheel at which F'_ior is also computed [deg].
     evidence: reference data on the drive.
-    figures_of: function that returns further figures of each sample.
-    figures_name: description of the dependence of these figures other than on the drive; without it draws with figures
+    figures_of: function that returns further predicted values of a draw; None if no further values are needed.
+    figures_name: description of all inputs of figures_of except the drive; if it is empty, draws with further values
         are not stored.
-    enough: function that returns whether samples suffice for their purpose.
+    enough: function that returns whether the samples suffice for their purpose.
     effort: limits of sampling.
     run: the run.
-    seen: function called with the current samples as soon as the reference data allow one.
+    seen: function called with the samples after each batch, once any sample agrees with the reference data.
     sets: number of sets of deviations on each contact system.
 
-    Raises UsageError for a drive with rolling balls, UntrustedError if a figure contradicts the others, if hardly any
-    sample agrees with all of them, or if too few draws are valid drives.
+    Raises UsageError for a drive with rolling balls, and UntrustedError if a datum contradicts the other reference
+    data, if hardly any sample agrees with all of them, or if too few draws are valid drives.
     """
     sampling = Sampling(
         prior=prior,
@@ -338,7 +352,7 @@ def draw_samples(
         seed=run.seed,
         sets=sets,
     )
-    # once, before worker processes start
+    # the programme is checked once, before worker processes start
     require_programme(prior.drive, run)
     kept = sampling.kept()
     draws: list[Draw] = []
@@ -352,11 +366,11 @@ def draw_samples(
         # all draws are used, but the effective sample size is too small
         if not samples.stages:
             samples = _few(samples, draws, evidence, effort)
-        # a measured value that no sample shows makes all results doubtful
+        # if no sample agrees with a measured value, all results are doubtful
         _require_shown(sampling, draws)
         return samples
     finally:
-        # stored even after an interruption, so that the next run continues
+        # draws are stored even after an interruption, so the next run can continue
         if len(draws) > len(kept):
             sampling.keep(draws)
 
@@ -377,9 +391,9 @@ def drive_samples(
     prior: prior of the drive.
     held_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     draws: smallest effective sample size.
-    sure: probability of meeting a limit that settles a verdict.
-    rotations_deg, run, seen: as for `draw_samples`.
-    other_torques: torques without a limit that follow those of the drive [N*m].
+    sure: probability of meeting a limit from which the verdict is PASS.
+    rotations_deg, run, seen: arguments of `draw_samples`.
+    other_torques: further torques without a limit [N*m], which come after those of the drive.
 
     Raises the errors of `draw_samples`.
     """
@@ -412,10 +426,10 @@ def turned_samples(
     rotations_deg: Sequence[float],
     run: Run = Run(),
 ) -> Samples:
-    """Return the same samples with the fixed wheel turned as well, as if they had been drawn with these rotations.
+    """Return the samples that would have been drawn with these rotations; only the missing rotations are solved.
 
-    samples: samples without a measured F'_ior in their reference data, which would change all results together.
-    evidence: their reference data.
+    samples: samples whose reference data do not include a measured F'_ior.
+    evidence: reference data of the samples.
     rotations_deg: rotations of the fixed wheel [deg].
     run: the run.
 
@@ -434,9 +448,9 @@ def turned_samples(
         return samples
     kept = sampling.kept()
     draws = kept[: len(samples.made)]
-    # draws whose rotations are not stored
+    # the remaining draws are stored without these rotations
     fresh = samples.made[len(draws) :]
-    # shares of a draw that is not a valid drive and need not be turned
+    # a draw without F'_ior has no quantile levels and is not turned, so any levels will do
     anywhere = tuple(0.5 for _ in samples.prior.fields)
     shares = [draw.shares or anywhere for draw in fresh]
     values = samples.prior.values(np.array(shares)) if shares else []
@@ -445,7 +459,7 @@ def turned_samples(
         run.solved(draw.turned_proof.states)
     if len(draws) > len(kept):
         sampling.keep(draws)
-    # the same stages, by their number of draws
+    # the stages end after the same numbers of draws as before
     stages = tuple(_collected(sampling, draws[: len(stage.made)]) for stage in samples.stages)
     return replace(
         _collected(sampling, draws),
@@ -463,7 +477,7 @@ def _growing(
 ) -> Iterator[Samples]:
     """Yield the samples after each batch of draws.
 
-    sampling: all dependencies of the draws.
+    sampling: the sampling that makes the draws.
     kept: stored draws, which are used first.
     draws: list to which each batch is added.
     effort: limits of sampling.
@@ -471,7 +485,7 @@ def _growing(
     """
     samples: Samples | None = None
     stages: tuple[Samples, ...] = ()
-    # draws that worker processes have started before they are needed
+    # worker processes may start draws of the next batch in advance
     ahead: UnderWay = {}
     try:
         while len(draws) < effort.most_draws and not _is_hopeless(samples, draws):
@@ -497,7 +511,7 @@ def _growing(
 
 
 def _is_hopeless(samples: Samples | None, draws: Sequence[Draw]) -> bool:
-    """Return whether many draws were made without any result."""
+    """Return whether at least _HOPELESS draws were made and none of them has F'_ior."""
     return samples is not None and len(draws) >= _HOPELESS and not len(samples.weights)
 
 
@@ -512,13 +526,14 @@ def _batch_size(
     samples: current samples; None before the first batch.
     count: number of draws so far.
     """
-    # a batch is not longer than all previous draws, or than needed to see that none has a result
+    # a batch is at most as large as the number of previous draws, or _HOPELESS
     size = min(effort.batch, max(_HOPELESS, count))
     if samples is not None and not samples.stages:
         effective = samples.effective + _ROUNDING
-        needed = int(np.ceil((effort.effective / effective - 1) * count))  # no more than are probably needed
+        # number of draws that the requested effective sample size will probably need
+        needed = int(np.ceil((effort.effective / effective - 1) * count))
         size = min(size, max(_FEWEST_AT_ONCE, needed))
-    if count < PILOT_DRAWS:  # complete the pilot before it proposes draws
+    if count < PILOT_DRAWS:  # the pilot must be complete before it determines the proposal
         size = min(size, PILOT_DRAWS - count)
     return size
 
@@ -532,7 +547,7 @@ def limits_settled(
 
     left_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
     samples: samples of the drive.
-    sure: probability of meeting a limit that PASS needs.
+    sure: probability of meeting a limit from which the verdict is PASS.
     """
     probabilities = [
         samples.probability_within(room_arcsec, torque, sure)
@@ -543,7 +558,7 @@ def limits_settled(
 
 
 def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
-    """Return the draws with F'_ior as samples, together with information on all draws."""
+    """Return the samples that consist of all draws with F'_ior, with information on all draws."""
     solved = [draw for draw in draws if draw.F_ior_arcsec is not None]
     count = len(solved)
     torques = sampling.torques
@@ -571,19 +586,19 @@ def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
 
 
 def _stacked(values: Iterable[object], *shape: int) -> Array:
-    """Return values as an array of a given shape, even if there are none."""
+    """Return values as an array of a given shape, which may be empty."""
     return np.array([*values], dtype=float).reshape(shape)
 
 
 def _figures_beside_error(sampling: Sampling, solved: Sequence[Draw]) -> dict[str, Array]:
-    """Return the figures of draws other than F'_ior, by name, shape (draws,) each."""
+    """Return the predicted values of draws except F'_ior, by name, shape (draws,) each."""
     of_error = {ACCURACY, *(datum.figure for datum in sampling.measured)}
     names = [name for name in (solved[0].figures if solved else {}) if name not in of_error]
     return {name: np.array([draw.figures[name] for draw in solved]) for name in names}
 
 
 def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
-    """Raise UntrustedError if no draw is near the measured F'_ior, because the weights would be meaningless."""
+    """Raise UntrustedError if no draw is near the measured F'_ior, so that the weights would be meaningless."""
     if not sampling.measured:
         return
     solved = [draw.figures for draw in draws if draw.F_ior_arcsec is not None]
@@ -601,7 +616,8 @@ def _few(
 ) -> Samples:
     """Return samples with a remark that their effective sample size is smaller than requested.
 
-    Raises UntrustedError if this allows no result, naming the reference data without which most samples would agree.
+    Raises UntrustedError if the samples are too few for a result, or if a datum contradicts the other reference data.
+    The message names the datum or the most frequent reason for refused draws.
     """
     is_answer = samples.effective >= (effort.least or effort.effective)
     of_draws = f"of {len(draws)} draws, {effort.effective} required"
@@ -638,6 +654,6 @@ def _few(
 
 
 def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
-    """Return the mean likelihood of the reference data over all valid draws, as far as each draw has predictions."""
+    """Return the mean likelihood over all valid draws; data that a draw does not predict are left out."""
     likelihoods = [np.exp(log_likelihood(evidence, draw.figures)) for draw in draws if not draw.refused]
     return float(np.mean(likelihoods))

@@ -1,4 +1,4 @@
-"""A decision among holes of the fixed wheel: expected loss, probability, and the value of one more measurement.
+"""Decision among the holes of the fixed wheel: expected losses, probabilities, and the gain of further measurements.
 
 All results are computed from weighted samples of F'_ior in each hole, before or after measured values. An action is
 always named, because a wheel must be mounted in some hole.
@@ -55,12 +55,14 @@ Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
 
 @dataclass(frozen=True)
 class _Action:
-    """Mounting of the wheel in one hole: F'_ior at each torque [arcsec], and its quality relative to other holes.
+    """Mounting of the wheel in one hole, compared with the other holes.
 
-    expected_loss: expected loss relative to the best hole, as a share of its F'_ior.
+    rotation_deg: rotation to the hole [deg].
+    F_ior_arcsec: percentiles of F'_ior at each torque [arcsec], by name.
+    expected_loss: expected loss relative to the best hole, as a share of F'_ior in that hole.
     probability_good: probability that the loss is less than GOOD.
-    probability_better: probability that it is better than staying by more than the cost of a turn.
-    probability_kept: probability that all limits are met, None without a limit.
+    probability_better: probability that the hole is better than the present one by more than the cost of moving.
+    probability_kept: probability that all limits are met; None without a limit.
     """
 
     rotation_deg: float
@@ -73,20 +75,20 @@ class _Action:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """The choice among holes of the fixed wheel, over weighted samples.
+    """The choice among holes of the fixed wheel, based on weighted samples.
 
     rotations_deg: rotations to the usable holes [deg].
     F_ior_arcsec: F'_ior in the holes [arcsec], shape (torques, samples, holes).
     now_arcsec: F'_ior at rotation 0 [arcsec], shape (torques, samples).
-    sample_weights: weights, shape (samples,); a single one for nominal values.
-    room_arcsec: limit minus self error at each torque [arcsec], None without a limit.
-    cost: smallest reduction of F'_ior that pays for a turn, as a share.
-    all_alike: whether known inputs cannot distinguish the holes.
+    sample_weights: weights, shape (samples,); there is a single sample for nominal values.
+    room_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
+    cost: smallest relative reduction of F'_ior for which the wheel is moved.
+    all_alike: whether the known inputs cannot distinguish the holes.
     worth: effective sample size of resampled samples; None for original samples.
-    settled_deg: rotation to the hole determined by an outcome measured after the choice; None before.
-    samples: samples from which the probability of meeting limits is computed; None for the samples above.
-    torque_places: indices of the torques in those samples.
-    sure: probability that PASS needs.
+    settled_deg: rotation to the hole that follows from a measured outcome [deg]; None without an outcome.
+    samples: samples from which the probability of meeting limits is computed; None to use F_ior_arcsec.
+    torque_places: indices of the torques of the decision among those of `samples`.
+    sure: probability of meeting the limits from which the verdict is PASS.
     """
 
     rotations_deg: tuple[float, ...]
@@ -110,12 +112,14 @@ class Decision:
         room_arcsec: Sequence[float | None] = (),
         sure: float = SURE,
     ) -> Decision:
-        """Return the decision based on the first samples, which give the percentiles of F'_ior, at all their torques.
+        """Return the decision at all torques of the samples, based on the first samples.
 
-        samples: samples drawn at these rotations; a probability of meeting limits may need more of them.
+        Probabilities of meeting limits are computed from as many samples as they need.
+
+        samples: samples with F'_ior at these rotations.
         rotations_deg: rotations to the usable holes [deg].
         room_arcsec: limit minus self error at each torque [arcsec]; None without a limit.
-        sure: probability of meeting the limits that PASS requires.
+        sure: probability of meeting the limits from which the verdict is PASS.
         """
         first = samples.of_ranges
         columns = [samples.rotations_deg.index(turn) for turn in rotations_deg]
@@ -134,7 +138,7 @@ class Decision:
 
     @classmethod
     def as_given(cls, curve: MountingCurve, room_arcsec: Sequence[float | None] = ()) -> Decision:
-        """Return the decision at nominal values, from F'_ior over the positions of the wheel."""
+        """Return the decision for nominal values, from the curve of F'_ior over the positions of the wheel."""
         usable = np.flatnonzero(curve.usable)[np.argsort(curve.rotation_deg[curve.usable])]
         rotations = tuple(curve.rotation_deg[usable].tolist())
         F_ior = curve.F_ior_arcsec[:, None, usable]
@@ -142,7 +146,7 @@ class Decision:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether probabilities are known, which is not so for nominal values."""
+        """Whether the decision is based on several samples, and not on nominal values."""
         return len(self.sample_weights) > 1
 
     @property
@@ -153,7 +157,7 @@ class Decision:
     # Holes and F'_ior in them
 
     def place(self, rotation_deg: float) -> int | None:
-        """Return the index of the hole at a rotation, None if there is no hole."""
+        """Return the index of the usable hole at a rotation; None if there is none."""
         for place, hole_deg in enumerate(self.rotations_deg):
             if abs(hole_deg - rotation_deg) < 1e-6:
                 return place
@@ -161,7 +165,7 @@ class Decision:
 
     @property
     def stay(self) -> int | None:
-        """Index of the present hole of the wheel, None if it may not stay there."""
+        """Index of the present hole of the wheel; None if this hole is not usable."""
         return self.place(0.0)
 
     def at(self, place: int | None) -> Array:
@@ -174,13 +178,13 @@ class Decision:
     def quantile(self, share: float, place: int | None) -> tuple[float, ...]:
         """Return a percentile of F'_ior in a hole at each torque [arcsec].
 
-        If known inputs cannot distinguish the holes, the result is that of the present hole, because their samples
-        differ only by chance.
+        If the known inputs cannot distinguish the holes, the result is that of the present hole, because the samples of
+        the holes differ only by chance.
 
-        share: share of the percentile (0.95).
+        share: quantile level, for example 0.95.
         place: index of the hole; None for rotation 0.
         """
-        if self.all_alike and self.samples:  # the same percentiles as in the result of the `check` command
+        if self.all_alike and self.samples:  # `check` prints the same percentiles
             return tuple(self.samples.of_ranges.percentile(share, torque) for torque in self.torque_places)
         F_ior = self.now_arcsec if self.all_alike else self.at(place)
         return tuple(weighted_quantile(at_torque, self.sample_weights, share) for at_torque in F_ior)
@@ -188,10 +192,10 @@ class Decision:
     def standard_errors(self, share: float, place: int | None) -> tuple[float, ...]:
         """Return the Monte Carlo standard error of a percentile of F'_ior in a hole at each torque [arcsec].
 
-        It is half the distance between the percentiles one standard error of the share below and above. It is 0 without
-        samples.
+        It is half the difference between the percentiles at one standard error above and below the quantile level. It
+        is 0 for nominal values.
 
-        share: share of the percentile (0.95).
+        share: quantile level, for example 0.95.
         place: index of the hole; None for rotation 0.
         """
         if not self.is_sampled:
@@ -209,9 +213,9 @@ class Decision:
     # How good each hole is
 
     def served_at(self, F_ior_arcsec: Array) -> Array:
-        """Return F'_ior over the mean of all holes at the governing torque, shape (samples, ...).
+        """Return the ratio of F'_ior to its mean over all holes at the governing torque, shape (samples, ...).
 
-        The mean does not depend on the present hole, so the present hole is not preferred.
+        The mean over all holes is the reference because it does not favour the present hole.
 
         F_ior_arcsec: F'_ior [arcsec], shape (torques, samples, ...).
         """
@@ -219,7 +223,7 @@ class Decision:
 
     @cached_property
     def served(self) -> Array:
-        """F'_ior of each hole over the mean of all holes at the governing torque, shape (samples, holes)."""
+        """Ratio of F'_ior in each hole to its mean over all holes at the governing torque, shape (samples, holes)."""
         return self.served_at(self.F_ior_arcsec)
 
     @cached_property
@@ -229,7 +233,7 @@ class Decision:
 
     @cached_property
     def expected_loss(self) -> Array:
-        """Mean of the losses, shape (holes,)."""
+        """Mean loss of each hole over the samples, shape (holes,)."""
         return self._of_holes(self.losses)
 
     @cached_property
@@ -238,7 +242,10 @@ class Decision:
         return self._of_holes(self.losses < GOOD)
 
     def _of_holes(self, values: NDArray[Any]) -> Array:
-        """Return means over samples, shape (holes,); equivalent holes, which differ only by chance, get one mean."""
+        """Return the means of values over the samples, shape (holes,); equivalent holes get a common mean.
+
+        values: values for each sample and hole, shape (samples, holes).
+        """
         means = np.average(
             values,
             axis=0,
@@ -247,15 +254,23 @@ class Decision:
         return np.full_like(means, means.mean()) if self.all_alike else means
 
     def gains(self, place: int) -> Array:
-        """Return the smallest relative reduction of F'_ior from rotation 0 over the torques, shape (samples,)."""
+        """Return the smallest relative reduction of F'_ior in a hole over all torques, shape (samples,).
+
+        The reduction is relative to F'_ior at rotation 0.
+
+        place: index of the hole.
+        """
         return np.asarray((1 - self.F_ior_arcsec[:, :, place] / np.maximum(self.now_arcsec, NO_ERROR)).min(axis=0))
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
-        """Return whether a hole is better than staying by more than the cost of a turn, shape (samples,)."""
+        """Return whether a hole is better than rotation 0 by more than the cost of moving, shape (samples,)."""
         return np.asarray(self.served[:, place] < (1 - self.cost) * self.served_at(self.now_arcsec))
 
     def probability_better(self, place: int) -> float:
-        """Return the probability that a hole is better than the present one, which equivalent holes share."""
+        """Return the probability that a hole is better than the present one by more than the cost of moving.
+
+        Equivalent holes get their mean probability.
+        """
         places = [place]
         if self.all_alike and place != self.stay:
             places = [place for place in range(len(self.rotations_deg)) if place != self.stay]
@@ -266,7 +281,7 @@ class Decision:
     def probability_kept(self) -> Array | None:
         """Probability that the limits at all torques are met, for each hole, shape (holes,); None without limits.
 
-        It is computed from the same samples as in `check`. Equivalent holes have the probability of the present one.
+        It is computed from the same samples as in `check`. Equivalent holes have the probability of the present hole.
         """
         kept = limits_met(self.F_ior_arcsec, self.room_arcsec)
         if kept is None:
@@ -276,7 +291,7 @@ class Decision:
         return np.array([self._probability_in(place) for place in range(len(self.rotations_deg))])
 
     def _probability_in(self, place: int) -> float:
-        """Return the probability that all limits are met in a hole, from as many samples as are needed."""
+        """Return the probability that all limits are met in a hole, from as many samples as the verdict needs."""
         assert self.samples
 
         def met(F_ior_arcsec: Array) -> Array:
@@ -293,14 +308,14 @@ class Decision:
 
     @cached_property
     def ranked(self) -> list[int]:
-        """Indices of the holes, first by the probability of meeting limits (to a hundredth), then by the loss."""
+        """Indices of the holes, the best first: by probability of meeting limits (to a hundredth), then by loss."""
         return ranked_holes(self.expected_loss, self.probability_kept)
 
     @property
     def best(self) -> int:
-        """The recommended hole, which is the present hole unless the expected gain of a turn pays off.
+        """Index of the recommended hole, which is the present hole unless the expected gain exceeds the cost of moving.
 
-        A measured outcome takes precedence.
+        A hole that follows from a measured outcome takes precedence.
         """
         settled = None if self.settled_deg is None else self.place(self.settled_deg)
         if settled is not None:
@@ -311,15 +326,16 @@ class Decision:
 
     @property
     def challenger(self) -> int | None:
-        """The best hole other than the present one, None if there is no other."""
+        """Index of the best hole other than the present one; None if there is no other hole."""
         return next((place for place in self.ranked if self.rotations_deg[place]), None)
 
     @property
     def outcome(self) -> NDArray[np.bool_]:
         """Whether the choice is right in each sample, shape (samples,).
 
-        A turn is right if the hole is better than staying by more than the cost, or good if staying is not allowed.
-        Staying is right if the best other hole is not better by more than the cost.
+        Moving the wheel is right if the hole is better than the present one by more than the cost. If the present hole
+        is not usable, it is right if the loss of the chosen hole is below GOOD. Staying is right if the best other hole
+        is not better by more than the cost.
         """
         if self.stay is None:
             return np.asarray(self.losses[:, self.best] < GOOD)
@@ -349,8 +365,9 @@ class Decision:
     def word(self, sure: float = SURE) -> Word:
         """Return the choice as one word.
 
-        It is TURN or LEAVE if the probability is at least `sure`, otherwise BEST_BET, and ANY_HOLE for equivalent
-        holes. Holes of equal loss are not equivalent if a limit makes a turn necessary.
+        The word is ANY_HOLE for equivalent holes, BEST_BET if the choice is right with less than the probability
+        `sure`, and TURN or LEAVE in all other cases. Holes with equal losses are not equivalent if a limit makes it
+        necessary to move the wheel.
         """
         has_to_turn = self.stay is not None and self.best != self.stay
         if self.all_alike or (np.ptp(self.expected_loss) < LEAST_GAIN and not has_to_turn):
@@ -360,7 +377,7 @@ class Decision:
         return "LEAVE" if self.best == self.stay else "TURN"
 
     def action(self, place: int) -> _Action:
-        """Return the mounting in one hole with all its figures."""
+        """Return the mounting in one hole, with its percentiles, expected loss and probabilities."""
         kept = self.probability_kept
         return _Action(
             rotation_deg=self.rotations_deg[place],
@@ -401,11 +418,13 @@ class Decision:
 
 @dataclass(frozen=True)
 class MeasurementValue:
-    """Gain of further measured values: the hole and torque of the next one [N*m], and the expected F'_ior [arcsec].
+    """The next value to measure, and the F'_ior that is expected after further measured values.
 
-    F_ior_arcsec: F'_ior in the hole that would be chosen now, after one more value, after two, and so on. If one torque
-        decides, it is F'_ior at that torque, regardless of the torque of the values. If several torques decide, it is
-        the residual share at the governing torque times F'_ior at the torque of the values.
+    rotation_deg: rotation to the hole of the next value [deg].
+    M_g: torque of the next value [N*m].
+    F_ior_arcsec: expected F'_ior in the hole that would be chosen now, after one more value, after two, and so on
+        [arcsec]. If one torque decides, it is F'_ior at that torque, regardless of the torque of the values. If several
+        torques decide, it is F'_ior at the torque of the values, scaled by the ratio at the governing torque.
     """
 
     rotation_deg: float
@@ -434,17 +453,16 @@ def value_of_measurement(
     """Return the hole and torque to measure next, and the F'_ior expected after that value and after further ones.
 
     Each value is measured in the hole and at the torque that are expected to reduce the loss of the hole chosen
-    afterwards most (knowledge gradient). There is no nested solution: each sample in turn is the true drive, and the
-    values reweight the others. One value is simulated with _LOOKED_AT samples as the true drive, further ones with
-    _FUTURES.
+    afterwards most (knowledge gradient). Each sample in turn is the true drive, and its simulated values reweight the
+    other samples. One value is simulated for _LOOKED_AT true drives, and further values for _FUTURES of them.
 
     Args:
         decision: choice among holes, over weighted samples.
-        measured_arcsec: F'_ior of each sample in each hole, shape (samples, holes), by the torque [N*m] of possible
-            values; the torque of most values comes first.
-        noise_arcsec: standard deviation of a value, shape (samples,).
+        measured_arcsec: F'_ior of each sample in each hole [arcsec], shape (samples, holes), by the torque [N*m] of
+            possible values; the reference torque comes first.
+        noise_arcsec: standard deviation of a value [arcsec], shape (samples,).
         steps: number of further values.
-        first: rotations [deg] that are measured first in any case.
+        first: rotations at which the first values are measured in any case [deg].
         seed: seed of the simulation.
     """
     simulation = _Simulation.of(decision, measured_arcsec, noise_arcsec, np.random.default_rng(seed))
@@ -463,7 +481,8 @@ def value_of_measurement(
     # control variate: the excess over the best hole varies little, so a few true drives are sufficient
     F_ior_now, after_one = np.mean(one_step, axis=0)
     after_more = simulation.least_arcsec.mean() + np.mean(excess_arcsec, axis=0)
-    expected_arcsec = np.minimum.accumulate([F_ior_now, after_one, *after_more])  # a further value cannot do harm
+    # a further value never increases the expected F'_ior, so an increase is a simulation error
+    expected_arcsec = np.minimum.accumulate([F_ior_now, after_one, *after_more])
     torque_index, hole = divmod(planned[0], len(decision.rotations_deg))
     return MeasurementValue(
         rotation_deg=decision.rotations_deg[hole],
@@ -473,7 +492,7 @@ def value_of_measurement(
 
 
 def _candidate_holes(losses: Array) -> NDArray[np.int64]:
-    """Return the holes to consider for a further value, which are those that may still become the choice.
+    """Return the indices of evenly spaced holes that may still become the choice, to be considered for a value.
 
     losses: losses of equally weighted samples in each hole, shape (samples, holes).
     """
@@ -488,7 +507,7 @@ def _candidate_holes(losses: Array) -> NDArray[np.int64]:
 class _Simulation:
     """Equally weighted samples with which further values are simulated.
 
-    A place is a hole at a torque; places are numbered torque by torque.
+    A place is a pair of a torque and a hole; all holes of the first torque come first.
     """
 
     rotations_deg: Array
@@ -518,7 +537,7 @@ class _Simulation:
         errors = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))  # stratified normal numbers
         noise = noise_arcsec[rows]
         readings = F_ior[:, candidates].T + noise * errors
-        # with one torque the governing F'_ior is F'_ior itself
+        # with one torque, the scaled ratio is F'_ior itself
         has_several_torques = len(decision.F_ior_arcsec) > 1
         level = F_ior[:, :holes] if has_several_torques else decision.F_ior_arcsec[0, rows]
         return cls(
@@ -553,7 +572,7 @@ class _Simulation:
         return int(np.argmin(weights @ self.losses))
 
     def best_candidate(self, weights: Array) -> int:
-        """Return the place whose value is expected to reduce the loss of the chosen hole most."""
+        """Return the candidate place whose value is expected to reduce the loss of the chosen hole most."""
         return int(self.candidates[np.argmax(self.expected_gains(weights))])
 
     def expected_gains(self, weights: Array) -> Array:
@@ -609,7 +628,7 @@ class _Simulation:
         place: int,
         reading: float,
     ) -> Array:
-        """Return the weights after a value [arcsec] in a place, by its normal likelihood."""
+        """Return the weights multiplied by the normal likelihood of a value in a place [arcsec], with sum 1."""
         residual = (reading - self.F_ior_arcsec[:, place]) / self.noise_arcsec
         log_likelihood = -0.5 * residual**2 - np.log(self.noise_arcsec)
         log_likelihood = np.where(weights > 0, log_likelihood, -np.inf)
@@ -622,10 +641,14 @@ def as_measured(
     number: int = _LOOKED_AT,
     seed: int = 0,
 ) -> Decision:
-    """Return the decision over drives similar to the samples: with another scale and a smooth misfit.
+    """Return the decision based on resampled drives, to which a random scale and a smooth misfit are applied.
 
-    The samples are drives of the model, from which measured values differ (belief/evidence.py). If known inputs cannot
-    distinguish the holes, the samples are turned in all directions.
+    The samples follow the model, from which real drives differ in this way (belief/evidence.py). If the known inputs
+    cannot distinguish the holes, each drive is turned to a random hole.
+
+    decision: decision based on samples of the model.
+    number: number of drives.
+    seed: seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     rows = even_rows(decision.sample_weights, number)
