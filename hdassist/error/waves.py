@@ -1,10 +1,10 @@
-"""The error as a test rig records it, against the input angle, with its orders; and as waves around both wheels.
+"""The error over the input angle with its orders, as a test rig records it, and the error as waves around both wheels.
 
 Each order has an amplitude, a phase and a cause. The error of a state depends only on alpha_g and alpha_b, the angles
-of the wheels in the frame of the wave generator, so it is a function on a torus. Once solved on an even grid, it is
-known at every angle of any recording, whatever the start angle, which only shifts the phases of the waves. The omitted
-waves (beyond _HIGHEST around a wheel) amount to some hundredths of an arcsec out of 28 within orders up to 12. Over the
-output angle each wave is a line with a whole number of periods in the full cycle.
+of the wheels in the frame of the wave generator, so it is a function on a torus. Its solution on an even grid gives the
+error at every angle of any recording; the start angle only shifts the phases of the waves. The omitted waves (beyond
+_HIGHEST around a wheel) amount to some hundredths of an arcsec out of 28 within orders up to 12. Over the output angle,
+each wave is a spectral line with a whole number of periods in the full cycle.
 """
 
 from __future__ import annotations
@@ -30,12 +30,11 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 _DEGREE = 4  # largest degree of the products of deviations that are listed as causes
-_UNEXPLAINED_ORDERS = 12  # number of orders without a known cause that are also listed
+_UNEXPLAINED_ORDERS = 12  # number of largest orders that are listed even without a known cause
 NO_CAUSE = "no single cause known"
 _FLOOR = 1e-9  # arcsec; smaller values are rounding errors
-# targets for the interpolation error between torques, as a share of the range and in arcsec
-_INTERPOLATION_SHARE = 0.02
-_MIN_INTERPOLATION = 0.02
+_INTERPOLATION_SHARE = 0.02  # target for the interpolation error between torques, as a share of the range
+_MIN_INTERPOLATION = 0.02  # smallest target for the interpolation error [arcsec]
 _MOST_TORQUES = 33  # largest number of solved torques
 _PROVEN_STATES = 24  # number of states solved at their own torque as a check
 _MIN_SPACING = 1e-6  # smallest distance between two solved torques, as a share of the largest torque
@@ -52,7 +51,7 @@ class TraceOrder:
 
 
 def order_legend(drive: Drive) -> str:
-    """Return the explanation of the causes of a drive's orders."""
+    """Return a text that explains the names of the causes of a drive's orders."""
     even = " Each component combines an even number of orders, because z_g, N and n_2 are even."
     return (
         "circular spline: its teeth and the eccentricity fixed to its seat; flexspline: its teeth and the "
@@ -108,8 +107,8 @@ def orders(
 ) -> list[TraceOrder]:
     """Return the orders of an error over whole input revolutions, in ascending order.
 
-    Known orders are always listed, other orders only if they are among the largest. If several causes lie within the
-    resolution (1/revolutions), the simplest ones are listed together.
+    Orders with a known cause are always listed. Other orders are listed only if they are among the largest. If several
+    causes belong to one order at the resolution 1/revolutions, the simplest of them are listed together.
 
     Args:
         drive: drive whose deviations name the causes.
@@ -188,14 +187,15 @@ class Gravity:
 
 @dataclass(frozen=True)
 class ErrorAlong:
-    """Error over a varying torque.
+    """Properties of an error that was interpolated to the varying torque of a weight.
 
+    gravity: torque of the weight.
     least_Nm, greatest_Nm: smallest and largest torque [N*m].
     torques_Nm: solved torques [N*m].
     ranges_arcsec: range of the error at each solved torque [arcsec].
-    wind_up_arcsec: range of the mean twist, which is excluded from the error.
-    bound_arcsec: largest error of linear interpolation between the torques, from torques in the middle of the intervals
-        and from states solved at their own torque.
+    wind_up_arcsec: range of the mean twist, which is excluded from the error [arcsec].
+    bound_arcsec: largest error of linear interpolation between the torques that was found in the middle of intervals
+        and in states solved at their own torque [arcsec].
     """
 
     gravity: Gravity
@@ -211,9 +211,12 @@ class ErrorAlong:
 class Trace:
     """Error over whole input revolutions from phi_h = 0.
 
+    error: the error in each state.
     start_deg: angle of the moving wheel at phi_h = 0 [deg].
+    revolutions: number of input revolutions.
+    orders: orders of the error.
     measured: measured wheels that replace the first harmonics.
-    along: torques of a varying load; the error is then given for the mean torque, without the mean wind-up.
+    along: varying torque of a weight, in which case the error excludes the mean wind-up; None for a constant torque.
     """
 
     error: KinematicError
@@ -225,7 +228,7 @@ class Trace:
 
     @property
     def slope_arcsec_per_deg(self) -> float:
-        """Largest slope of the error over the output angle from state to state [arcsec/deg]."""
+        """Largest absolute slope of the error over the output angle between adjacent states [arcsec/deg]."""
         output_deg = np.degrees(self.error.states.phi_h) / abs(self.error.kinematics.u)
         return float(np.abs(np.diff(self.error.error_arcsec) / np.diff(output_deg)).max())
 
@@ -250,8 +253,8 @@ def trace(
     gravity: torque of a weight in addition to M_g.
     solver: name of a cvxpy solver that solves every state in place of the built-in one.
 
-    Raises UsageError for less than one revolution, more than a cycle, a start angle that is not a number or an unknown
-    solver, UntrustedError if a result cannot be trusted.
+    Raises UsageError for less than one revolution, for more than the full cycle, for a start angle that is not finite
+    or for an unknown solver, and UntrustedError if a result cannot be trusted.
     """
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
@@ -314,7 +317,7 @@ def _error_along(
     torques = _SolvedTorques(mean, torque, solve)
     torques.refine()
     rotation = torques.interpolated()
-    # two independent checks: the middle of intervals, and states solved at their own torque
+    # the interpolation is checked in the middle of intervals, and by states solved at their own torque
     bound = max(torques.largest_miss, torques.proven_miss(rotation))
     along = ErrorAlong(
         gravity=gravity,
@@ -351,7 +354,7 @@ class _SolvedTorques:
         self._solve = solve
         low = float(torque.min())
         high = float(torque.max())
-        # at least three nodes: both ends and the mean torque
+        # the first nodes are both ends and the mean torque
         self.errors = {M_g: solve(M_g, states=self._states) for M_g in (low, high)}
         self.errors[mean.M_g] = mean
         self._min_spacing = _MIN_SPACING * max(abs(low), abs(high))
@@ -369,7 +372,7 @@ class _SolvedTorques:
 
     def refine(self) -> None:
         """Halve the worst interval until the interpolation is accurate enough or there are _MOST_TORQUES torques."""
-        # a share of the range, but not below the resolution of a test rig
+        # the target is a share of the range, but not below the resolution of a test rig
         target = max(_INTERPOLATION_SHARE * self._mean.range_arcsec, _MIN_INTERPOLATION)
         for low, high in pairwise(sorted(self.errors)):
             self._measure_miss(low, high)
@@ -383,7 +386,7 @@ class _SolvedTorques:
             del self._misses[low, high]
 
     def _measure_miss(self, low: float, high: float) -> None:
-        """Solve the middle of an interval, and store the interpolation error in the states within the interval."""
+        """Solve the middle of an interval, and store the largest interpolation error of the states in the interval."""
         share = 0.5 if low + high else 0.4  # the middle must not be 0 N*m, where the error is undefined
         middle = low + share * (high - low)
         is_inside = (self._torque >= low) & (self._torque <= high)
@@ -410,7 +413,7 @@ class _SolvedTorques:
         return np.asarray(rotations[interval, rows] * (1 - share) + rotations[interval + 1, rows] * share)
 
     def wind_up(self, torque: Array | float) -> Array:
-        """Return the interpolated wind-up at torques [N*m], [arcsec]."""
+        """Return the wind-up at torques [N*m], interpolated between the solved torques [arcsec]."""
         nodes = self.nodes
         return np.asarray(np.interp(torque, nodes, [self.errors[M_g].wind_up_arcsec for M_g in nodes.tolist()]))
 
@@ -420,7 +423,7 @@ class _SolvedTorques:
         rotation: interpolated rotation [arcsec], shape (states,).
         """
         largest = 0.0
-        # evenly spaced over the states, so that torques of all sizes occur
+        # the checked states are evenly spaced, so their torques cover the whole range
         for k in np.linspace(0, len(self._states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
             M_g = float(self._torque[k])
             solved = self._solve(M_g, states=self._states.take(np.array([k]))).rotation_arcsec[0]
@@ -430,10 +433,10 @@ class _SolvedTorques:
 
 # --- over both wheels' angles
 
-WAVE_POINTS = 40  # grid points around each wheel
+WAVE_POINTS = 40  # number of grid points around each wheel
 _HIGHEST = 18  # largest number of periods of a wave around a wheel
 Complex = NDArray[np.complex128]
-POINTS_A_TURN = 180  # points per input revolution of a curve
+POINTS_A_TURN = 180  # number of points of a curve per input revolution
 
 
 def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -487,14 +490,14 @@ class ErrorWaves:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
             return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
-        # beyond half the number of points, a wave would be the alias of another one
+        # a wave with at least half as many periods as grid points would be an alias of another wave
         is_resolved = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
         error = np.empty(points**2)
         waves = []
         for drive in drives:
             answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
-            # convert the order of the walk to that of the grid
+            # the results are in the order of the walk, and the grid needs its own order
             error[path] = self._map.sign * answers.rotation_arcsec
             # the error is real, so the waves of half the plane have twice the amplitude
             spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
@@ -506,8 +509,8 @@ class ErrorWaves:
 class EstimatedCycle:
     """Error F_kpp of a drive [arcsec] in each state of its full cycle, up to a constant, shape (states,).
 
-    turn_range_arcsec: largest range within one input revolution, from every state of the revolution with the largest
-        estimated range.
+    turn_range_arcsec: range within the input revolution with the largest estimated range, all of whose states are
+        solved [arcsec].
     certificate: certificate of all solved states.
     """
 
@@ -524,17 +527,16 @@ def estimated_cycle(
 ) -> KinematicError | EstimatedCycle:
     """Return the error of a drive at a torque M_g [N*m] over its full cycle, estimated from its waves.
 
-    short_cycle: number of states below which every state of the cycle is solved instead.
+    short_cycle: number of states; a cycle with fewer states is solved in all of them.
 
-    Raises UsageError for rolling balls, UntrustedError if a state cannot be trusted.
+    Raises UsageError for rolling balls, and UntrustedError if a state cannot be trusted.
     """
     kinematics = Kinematics.of(drive)
     states = kinematics.cycle_states
     if states < short_cycle:
         return kinematic_error(drive, M_g, run=UNCHECKED)
     torus = ErrorWaves(drive, M_g, UNCHECKED)
-    # a cycle of L states contains L/z_g and L/z_b revolutions of the wheels
-    # periods of each wave in a cycle
+    # A cycle of L states contains L/z_g and L/z_b revolutions of the wheels, which gives the periods of each wave.
     periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)
     spectrum = np.zeros(states, dtype=complex)
     np.add.at(spectrum, periods % states, torus.waves([drive])[0])
@@ -555,7 +557,7 @@ def turn_range_arcsec(error: KinematicError | EstimatedCycle) -> float:
 
 def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
     """Return the range of the error within the input revolution around each state [arcsec], shape (states,)."""
-    # importing scipy takes 20 ms, and sampling does not need it
+    # scipy.ndimage is imported here, because its import takes 20 ms and sampling does not need it
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     turn = kinematics.teeth_fixed
@@ -566,8 +568,11 @@ def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ErrorLines:
-    """Lines of the error of drives with the same teeth at one torque: the sum of amplitude exp(i per_cycle angle).
+    """Spectral lines of the error of drives with the same numbers of teeth at one torque.
 
+    The error is the real part of the sum of amplitude exp(i per_cycle angle), where the cycle has the angle 2 pi.
+
+    kinematics: ratio and cycle of the drives.
     per_cycle: number of periods of each line in the full cycle, shape (lines,).
     amplitude: complex amplitude of each line [arcsec], shape (drives, lines).
     certificate: certificate of the solved states.
@@ -580,9 +585,9 @@ class ErrorLines:
 
     @property
     def curves(self) -> Array:
-        """Errors over the full cycle from its state 0 [arcsec], shape (drives, points).
+        """Errors over the full cycle from state 0 [arcsec], shape (drives, points).
 
-        There are POINTS_A_TURN points per input revolution.
+        A curve has POINTS_A_TURN points per input revolution.
         """
         points = POINTS_A_TURN * self.kinematics.cycle_cam_revolutions
         spectrum = np.zeros((len(self.amplitude), points // 2 + 1), dtype=complex)
@@ -592,7 +597,7 @@ class ErrorLines:
 
     @property
     def mean(self) -> ErrorLines:
-        """Mean of the drives, as the lines of a single drive."""
+        """Lines with the mean amplitudes of all drives, as a single drive."""
         return replace(self, amplitude=self.amplitude.mean(axis=0)[None])
 
 
@@ -602,18 +607,18 @@ def error_lines(
     changes: Sequence[Mapping[str, float]],
     run: Run = Run(),
 ) -> ErrorLines:
-    """Return the lines of the error of a drive at a torque M_g [N*m] with changed values.
+    """Return the spectral lines of the error of a drive at a torque M_g [N*m], for each of several changes.
 
     A wave with k_g periods around the flexspline and k_b periods around the circular spline has k_g L/z_g + k_b L/z_b
     periods in the cycle of L = lcm(z_g, z_b) states.
 
     changes: changed values by path, one mapping per drive.
 
-    Raises UsageError for rolling balls, UntrustedError if a state cannot be trusted.
+    Raises UsageError for rolling balls, and UntrustedError if a state cannot be trusted.
     """
     waves = []
     certificate = EMPTY
-    # one task per drive; the waves of all drives have shape (drives, waves)
+    # each drive is one task
     for drive_waves, proof in run.map(partial(_waves_of, drive, M_g), changes):
         waves.append(drive_waves)
         certificate += proof

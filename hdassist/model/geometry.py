@@ -2,12 +2,13 @@
 
 Lengths in mm, angles in rad. Angles theta are measured from the major axis of the cam, in its frame.
 
-There are two conventions for the shape of the unloaded rim on the cam. For sections at angles theta of the undeformed
-mid-line, both give the radial displacement w, the tangential displacement v and the rotation chi. The section is then
-at radius r_m + w and angle theta + v/r_m.
+There are two conventions for the shape of the unloaded rim on the cam. Both give the radial displacement w, the
+tangential displacement v and the rotation chi of a section that is at the angle theta of the undeformed mid-line. On
+the cam, the section is at radius r_m + w and angle theta + v/r_m.
 
-The far end of the shell remains round, so the wave of the rim decreases towards it, and flanks that were cut parallel
-touch first at the open edge of the tooth ring. The gap of each further strip is larger by its share of the wave.
+The far end of the shell remains round, so the wave of the rim decreases towards it. Flanks that were cut parallel
+therefore touch first at the open edge of the tooth ring. The gap of each further strip is larger, in proportion to the
+share of the wave that is missing there.
 
 States of a drive are positions of the wave generator and the wheels at whole tooth pitches over the full cycle.
 """
@@ -30,8 +31,8 @@ from hdassist.preset.fields import Drive
 FLANK_SAMPLES = 401
 # every 20th height is sampled first, then every 5th near the smallest gap, then all heights near it
 _SAMPLE_STEPS = (20, 5, 1)
-_RADIUS_ROUNDS = 60  # largest number of iterations for a radius, each of which gains a factor of about 50
-_RADIUS_CONVERGED = 1e-15  # last change at which a radius has converged, as a share of the tip radius
+_RADIUS_ROUNDS = 60  # largest number of iterations for a radius; each reduces its error by a factor of about 50
+_RADIUS_CONVERGED = 1e-15  # change per iteration at which a radius has converged, as a share of the tip radius
 _ACTIVE_ROOT = 0.2  # modules above the root at which the fillet ends and the active flank begins
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ class Wheel:
     def half_angle(self, radius: Array) -> Array:
         """Return the half angle psi of an external tooth, or of the space of an internal wheel [rad], at radii [mm].
 
-        Equation (6) of docs/theory.md.
+        This is equation (6) of docs/theory.md.
         """
         # tooth and space have equal widths at the reference circle, apart from the profile shift; the involute function
         # gives the widths at all other radii
@@ -194,7 +195,7 @@ def flank_candidates(
     tau: float = 0.0,
     samples: int = FLANK_SAMPLES,
 ) -> Flanks:
-    """Return every flank pair that can touch, with its smallest gap over the active height.
+    """Return all flank pairs that can touch, each with its smallest gap over the active height.
 
     Pairs whose teeth do not overlap radially cannot touch and are omitted.
 
@@ -205,7 +206,6 @@ def flank_candidates(
 
     Raises UntrustedError if no tooth of the flexspline reaches the circular spline.
     """
-    # the overlap of teeth depends only on the radii; the smallest gap depends on the flanks
     pairs = _overlapping_pairs(geometry, tau)
     points = _nearest_points(geometry, pairs, samples)
     return Flanks(
@@ -227,7 +227,7 @@ def _overlapping_pairs(geometry: Geometry, tau: float) -> _FlankPairs:
     # further
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
-    # a margin of 1e-9 rad, so that rounding does not exclude a tooth exactly on the minor axis
+    # the margin of 1e-9 rad keeps a tooth exactly on the minor axis, which rounding could exclude
     teeth_by_zone = [index[np.abs(angle - axis) <= np.pi / 2 + 1e-9] for axis in (0.0, np.pi)]
     # every tooth has two flanks in consecutive elements: s = +1, then s = -1
     tooth = np.repeat(np.concatenate(teeth_by_zone), 2)
@@ -258,19 +258,20 @@ def _nearest_points(
     pairs: _FlankPairs,
     samples: int,
 ) -> _FlankPoints:
-    """Return the point of each flank with the smallest gap among sampled heights of its active part.
+    """Return the point of each flank with the smallest gap among the sampled heights of its active part.
 
-    The gap along a flank has one minimum, possibly at an end, so the search narrows from a coarse step.
+    The gap along a flank has only one minimum, possibly at an end. The search therefore starts with coarse steps of
+    height and refines them near the smallest gap.
 
     samples: number of heights.
     """
-    # heights as shares of the active height, which differs between teeth
+    # heights are shares of the active height, which differs between teeth
     heights = np.linspace(0, 1, samples)
     # the tip is always included, because the smallest gap is often there
     tried = np.unique(np.append(np.arange(0, samples, _SAMPLE_STEPS[0]), samples - 1))
     points = _nearest_of(geometry, pairs, heights, tried)
     for coarse_step, fine_step in pairwise(_SAMPLE_STEPS):
-        # all heights between the neighbours of the best height so far
+        # the search continues between the neighbours of the best height so far
         offsets = np.arange(-coarse_step + fine_step, coarse_step, fine_step)
         # clipping repeats the height at an end, which does not change the minimum
         tried = np.clip(points.sample[:, None] + offsets, 0, samples - 1)
@@ -342,9 +343,9 @@ def flank_gap(
     side: Array,
     shape: _NominalShape | None = None,
 ) -> tuple[Array, Array]:
-    """Return the gap of flank points to the facing flank of the circular spline, and their radius rho [mm].
+    """Return the gap between flank points and the facing flank of the circular spline, and their radius rho [mm].
 
-    Equation (6).
+    The gap is given by equation (6).
 
     Args:
         geometry: radii and wheels of the drive.
@@ -370,9 +371,10 @@ def _lowest_active_radius(
     side: Array,
     shape: _NominalShape,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the smallest r_y of each active flank [mm], and whether it reaches the circular spline, shape (n,).
+    """Return the smallest r_y of each active flank [mm], and whether the tooth reaches the circular spline.
 
-    The active flank lies above the fillet and not inside the tip circle of the circular spline.
+    Both arrays have the shape (n,). The active flank is the part above the fillet and outside the tip circle of the
+    circular spline.
     """
     # the involute ends at the base circle, which lies above the fillet for small numbers of teeth
     fillet_end = geometry.r_f + _ACTIVE_ROOT * geometry.flexspline.m
@@ -380,7 +382,7 @@ def _lowest_active_radius(
     high = np.full_like(theta, geometry.r_ag)
     rho_at_tip, _ = flank_point(geometry, high, theta, side, shape)
     rho_at_fillet, _ = flank_point(geometry, low, theta, side, shape)
-    # fixed point: the radius is corrected by the distance of the point from the tip circle of the circular spline
+    # fixed-point iteration: the correction is the distance of the point from the tip circle of the circular spline
     radius = high
     for _ in range(_RADIUS_ROUNDS):
         previous = radius
@@ -398,8 +400,8 @@ def _lowest_active_radius(
 _HARMONICS = 32  # number of harmonics for which the arc length is sampled
 # number of harmonics of the arc length in use; the eighth is below 1e-16 of the first for any realistic wave
 _HARMONICS_KEPT = 8
-_ANGLE_ROUNDS = 50  # largest number of iterations of a fixed point, each of which gains a factor W_0/r_m
-_ANGLE_CONVERGED = 1e-15  # last change at which an angle has converged [rad]
+_ANGLE_ROUNDS = 50  # largest number of fixed-point iterations; each reduces the error by a factor of W_0/r_m
+_ANGLE_CONVERGED = 1e-15  # change per iteration at which an angle has converged [rad]
 
 
 def nominal_shape(
@@ -509,9 +511,9 @@ class Face:
     def of(cls, drive: Drive) -> Face:
         """Return the stations of a drive, equation (6a).
 
-        With one station the flank has contact over the whole face, with contact.c_t. Several stations are strips whose
-        widths grow by a constant factor, because teeth have contact over only a few millimetres next to the open edge.
-        A strip has contact at its middle, with contact.k_face times its width.
+        With one station, the flank has contact over the whole face, with the compliance contact.c_t. Several stations
+        are strips whose widths grow by a constant factor from the open edge, because teeth have contact over only a few
+        millimetres there. A strip has contact at its middle, with the stiffness contact.k_face times its width.
         """
         n = drive.numerics.stations
         shell = drive.flexspline
@@ -645,15 +647,15 @@ def pitch_locked_states(
 
 
 def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.int64]:
-    """Return an order of states, shape (states,), in which consecutive states differ little.
+    """Return the indices of states, shape (states,), in an order in which consecutive states differ little.
 
-    After one input revolution the cam is back and the moving wheel has advanced by two teeth. The order therefore runs
-    across STRIP adjacent revolutions, alternately forwards and backwards.
+    After one input revolution, the cam is in the same position, and the moving wheel has advanced by two teeth. The
+    order therefore runs across STRIP adjacent revolutions, alternately forwards and backwards.
     """
     # step: position within the input revolution; row: revolution within its strip
     revolution, step = np.divmod(states.index, kinematics.teeth_fixed)
     strip, row = np.divmod(revolution, STRIP)
-    # every second strip runs backwards, and every second step within a strip, so that there is no jump at the ends
+    # every second strip and every second step within a strip run backwards, which avoids jumps at their ends
     step = np.where(strip % 2, -step, step)
     return np.lexsort((np.where(step % 2, -row, row), step, strip))
 
@@ -661,8 +663,8 @@ def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.in
 def ball_phase(drive: Drive, phi_h: Array) -> Array:
     """Return the ball phase beta [ball pitches, 0 <= beta < 1] at input angles phi_h [rad], shape (states,).
 
-    The phase is constant, or that of a rolling cage, which turns by -phi_h r_o/(r_i + r_o) in the frame of the cam,
-    with the raceway radii r_o of the outer and r_i of the inner ring.
+    The phase is constant for locked balls. A rolling cage turns by -phi_h r_o/(r_i + r_o) in the frame of the cam. The
+    raceway radii of the outer and the inner ring are r_o and r_i.
     """
     # a locked cage keeps its phase in the frame of the cam
     beta = np.full_like(phi_h, drive.bearing.beta)

@@ -1,13 +1,13 @@
-"""A drive's contact system under a torque: solution of its states by engines and cvxpy, with verified results.
+"""Solution of the states of a contact system under a torque, by engines and through cvxpy, with verified results.
 
-The walk solves many states. A few states, and those that the walk gives up, are solved one after another, by the first
+The walk solves many states. A few states, and those that the walk gives up, are solved one after another by the first
 method that succeeds: near the contact set of the previous state, by DAQP, or by an interior-point method.
 
-cvxpy passes H, local, A, gaps and load to a solver as stated, whatever their numbers. The programme is therefore
-compiled and compared once for each version of cvxpy, for each version of the statement and for each set of free
-freedoms. The user's cache stores the successful check. The tests compile every preset, and `hdassist doctor` compiles
-the programme again. Another solver only checks the results of the engine. cvxpy takes a second to import, so it is
-imported only when a programme is stated.
+cvxpy passes H, local, A, gaps and load to a solver without changes, whatever their numbers. The programme is therefore
+compiled and compared with its statement only once for each version of cvxpy, for each version of the statement and for
+each set of freedoms without support. The user's cache stores the successful check. The tests compile every preset, and
+`hdassist doctor` compiles the programme again. Another solver only checks the results of the engine. cvxpy takes a
+second to import, so it is imported only when a programme is stated.
 """
 
 from __future__ import annotations
@@ -59,8 +59,7 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
 
     Args:
         formulation: the programme.
-        run: run whose process for other solvers, if there is one, compiles in place of this process, which then need
-            not import cvxpy.
+        run: run; if it has a process for other solvers, cvxpy is imported and compiles the programme there.
 
     Raises UntrustedError if cvxpy compiles the programme to other data.
     """
@@ -121,7 +120,7 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
 
 
 def _stated_matrices(formulation: Formulation) -> tuple[Array, Array]:
-    """Return P and A of the programme over the M forces and their m sums at the places.
+    """Return the matrices P and A of the programme, whose variables are the M forces and their m sums at the places.
 
     The rows of A are the equilibrium of the free freedoms, followed by the sums of the forces at the places.
     """
@@ -178,8 +177,8 @@ _SOLVED_AGAIN = "again"
 # s; time limit for one state, which usually takes milliseconds, or seconds for the largest drives
 _LONGEST_SOLVE = 120.0
 
-# Tolerances with which the results of each solver pass verification, and limits of its work. Other solvers run with
-# their defaults, which limit their iterations.
+# Tolerances at which the results of each solver pass verification, and limits of time or iterations. Solvers that are
+# not listed run with their defaults, which limit their iterations.
 SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {
         "tol_gap_abs": 1e-11,
@@ -217,12 +216,11 @@ def _able() -> list[str]:
 
 @contextmanager
 def muted_output() -> Iterator[None]:
-    """Discard the output of compiled code in the block, because HiGHS 1.16 prints a banner for each solver."""
+    """Discard all standard output in the block, because HiGHS 1.16 prints a banner for each solver."""
     try:
         # compiled code writes the banner directly to the file descriptor, not to sys.stdout
         kept = os.dup(1)
-    # a process without standard output has nothing to mute
-    except OSError:  # standard output is closed
+    except OSError:  # standard output is closed, so there is nothing to mute
         yield
         return
     try:
@@ -240,7 +238,7 @@ def solve_through_cvxpy(
     torque: float,
     solver: str,
 ) -> tuple[Array, Array]:
-    """Return the forces [N], shape (M,), and free displacements [mm, rad] of one state from a solver called by cvxpy.
+    """Return the forces [N], shape (M,), and the free displacements [mm, rad] of one state, solved through cvxpy.
 
     Args:
         formulation: the programme.
@@ -248,7 +246,7 @@ def solve_through_cvxpy(
         torque: torque [N*mm].
         solver: name of a cvxpy solver.
 
-    Raises UsageError for an unknown solver, UntrustedError if it finds no solution.
+    Raises UsageError for an unknown solver, and UntrustedError if the solver finds no solution.
     """
     import cvxpy as cp
 
@@ -259,7 +257,7 @@ def solve_through_cvxpy(
     stated.load.value = formulation.load(torque)
     try:
         with warnings.catch_warnings(), muted_output():
-            # ignore "solution may be inaccurate", because the residuals and the other solver decide that, not a status
+            # ignore "solution may be inaccurate", because the residuals and the comparison show the accuracy
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
         forces = stated.forces.value
@@ -277,7 +275,7 @@ def solve_through_cvxpy(
 
 @dataclass(frozen=True)
 class CrossCheck(ClosedRecord):
-    """States solved again through cvxpy by another solver, and the largest difference of the error."""
+    """Number of states solved again by another solver through cvxpy, and the largest difference between the results."""
 
     solver: str
     states: Count
@@ -290,8 +288,8 @@ _CROSS_CHECK = TypeAdapter(CrossCheck)
 def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
     """Return all dependencies of a cross-check except its states, or None if they are not known.
 
-    They are known for the solvers that come with cvxpy and without a cross-check (solver None). Results with other
-    solvers are not stored.
+    They are known for the solvers that come with cvxpy; without a cross-check (solver None) there are none. Results
+    with other solvers are not stored.
     """
     if solver is None:
         return ()
@@ -304,7 +302,7 @@ def _cross_check_key(
     arrays: Sequence[Array],
     programs: str,
 ) -> str:
-    """Return the hash of a programme, of arrays to the last digit, and of the programs that solve it."""
+    """Return the hash of a programme, of all digits of some arrays, and of the programs that solve it."""
     hashed = sha256(programs.encode() + formulation.digest)
     for array in arrays:
         hashed.update(f"{array.shape}".encode() + array.tobytes())
@@ -334,7 +332,6 @@ def solve_again(
 
     Raises UntrustedError if two rotations differ by more than CROSS_TOLERANCE.
     """
-    # the name may be in upper or lower case
     name = require_solver(solver)
     depends_on = solvers_depend_on(solver)
     # the version of a solver that does not come with cvxpy is unknown, so its result is not stored
@@ -373,7 +370,7 @@ def solve_again(
 
 
 def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
-    """Return a cross-check from the user's cache, None if there is none or if it does not fit.
+    """Return a cross-check from the user's cache; None if there is none, or if it is invalid.
 
     key: hash of the cross-check.
     states: expected number of states.
@@ -382,7 +379,7 @@ def _kept_cross_check(key: str, states: int) -> CrossCheck | None:
         kept = _CROSS_CHECK.validate_json(cached(_SOLVED_AGAIN, key) or b"")
     except ValueError:
         return None
-    # a file from another source must not pass for a check of these states
+    # a file of another origin is not accepted as a check of these states
     is_valid = kept.states == states and set(kept.solver.split(", ")) <= set(_SHIPPED)
     return kept if is_valid else None
 
@@ -415,7 +412,7 @@ _Method = Callable[[Array, float], _Solution | None]
 
 
 class OneByOne:
-    """Solver of single states: near a contact set, otherwise by DAQP, otherwise by an interior-point method."""
+    """Solver of single states: near a contact set, by DAQP, or by an interior-point method, in this order."""
 
     def __init__(
         self,
@@ -429,7 +426,7 @@ class OneByOne:
 
         Args:
             formulation: the programme.
-            contact: candidates expected to carry force, shape (M,); all by default.
+            contact: whether each candidate is expected to carry force, shape (M,); all are by default.
             compiled: whether the method near a contact set may run in C if it is compiled.
             solver: name of a cvxpy solver that solves every state instead.
         """
@@ -442,8 +439,8 @@ class OneByOne:
         """Return forces [N], shape (states, M), free displacements [mm, rad], and the number of fallbacks.
 
         The number of fallbacks is the number of states that the first method gave up. A state that no method solves has
-        an unverified result or NaN. The reason usually applies to its neighbours as well, and each failure takes the
-        time of all methods, so no state after the first failure is tried.
+        an unverified result or NaN. The states after it are not tried and have NaN, because they would usually fail for
+        the same reason, and each failure takes the time of all methods.
 
         Args:
             delta_p: gaps without force [mm], shape (states, M).
@@ -477,7 +474,7 @@ class OneByOne:
         return forces, free, given_up
 
     def _near(self, delta_p: Array, torque: float) -> _Solution | None:
-        """Solve a state from the last contact set, from no contact, or from the contact set of a heavier load."""
+        """Solve a state from the last contact set, from no contact, or from the contact set of a larger load."""
         gaps = self._formulation.gaps(delta_p)
         right = -self._formulation.load(torque)
         no_contact = np.zeros_like(self.contact)
@@ -487,8 +484,8 @@ class OneByOne:
             solution = self._solve_near(self._formulation, gaps, right, contact)
             if solution:
                 return self._formulation.answer(*solution)
-        # Teeth that hardly hold the parts open and close alternately. A heavier load presses them together and leads to
-        # their contact set.
+        # Under a small load, contacts may open and close alternately without convergence. A larger load presses the
+        # teeth together, and its contact set is a better start.
         solution = self._solve_near(self._formulation, gaps, _LOAD_STEPS[0] * right, no_contact)
         for factor in _LOAD_STEPS[1:]:
             if not solution:
@@ -513,7 +510,7 @@ class OneByOne:
             model = daqp.Model()
             model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
             flag, _ = model.setup(formulation.P, formulation.gaps(delta_p), A, upper, lower, sense)
-            if flag < 0:  # coefficients too different in size for a factorisation
+            if flag < 0:  # the coefficients differ too much in size for a factorisation
                 continue
             # the duals of the equality rows are the displacements of the free freedoms
             x, _, flag, info = model.solve()
@@ -522,8 +519,8 @@ class OneByOne:
         return None
 
     def _through_cvxpy(self, delta_p: Array, torque: float) -> _Solution | None:
-        """Solve a state through cvxpy; only a requested solver raises UntrustedError."""
-        # the last of three methods may fail, in which case the state remains NaN and fails its verification
+        """Solve a state through cvxpy, None if this fails; only a requested solver raises UntrustedError."""
+        # if the last of three methods fails, the state remains NaN and fails its verification
         with nullcontext() if self._solver else suppress(UntrustedError):
             return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)
         return None
@@ -532,8 +529,8 @@ class OneByOne:
 # --- a torque on the contact system
 
 
-_POOR_PROOF = 1e-9  # residual of a state of the walk above which it is solved again on its own
-MANY_STATES = 64  # number of states from which a reference pays off
+_POOR_PROOF = 1e-9  # residual above which a state of the walk is solved again as a single state
+MANY_STATES = 64  # number of states from which a walk with a reference takes less time than single states
 _CARRIES = 1e-9  # smallest force of a candidate in contact, as a share of the largest force
 
 
@@ -558,7 +555,7 @@ class LoadCase:
         Args:
             formulation: the programme.
             M_g: torque on the flexspline [N*m].
-            like: load case of the same or a similar system whose contact set is the start.
+            like: load case of the same or a similar system; its last contact set is the start.
             many: whether many states will follow, in batches of any size.
             compiled: whether the walk may run in C if it is compiled.
             solver: name of a cvxpy solver that solves every state instead.
@@ -621,7 +618,7 @@ class LoadCase:
         place: Callable[[int], str],
         progress: Progress | None = None,
     ) -> Answers:
-        """Solve the state without deviations at torques M_g [N*m], each from the contacts of the previous one.
+        """Solve the state without deviations at several torques M_g [N*m], each from the contacts of the previous one.
 
         The other arguments and the errors are those of `solve`.
         """
@@ -646,7 +643,7 @@ class LoadCase:
 
         Raises UntrustedError if a requested solver finds no solution.
         """
-        # created on first use, because many load cases solve single states only
+        # the walk is created on first use, because many load cases solve only single states
         if self._walk is None and len(gaps) >= self._walk_pays_from:
             reference = self._reference()
             if reference:
