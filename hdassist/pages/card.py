@@ -18,7 +18,7 @@ from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark
 from hdassist.terminal.words import HOME, Texts, texts
 
 ENGLISH = texts()
-TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # names of the fixed wheel in the trade
+TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # English names of the fixed wheel
 
 
 def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
@@ -27,7 +27,7 @@ def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
 
 
 def turn(position: Position, say: Texts = ENGLISH) -> str:
-    """Return the turn to a position by the shorter way in words: holes, degrees and direction."""
+    """Return the shorter turn from hole 0 to a position as text: holes, degrees and direction."""
     way = position.short_way_deg
     direction = say("turn.counter_clockwise" if way > 0 else "turn.clockwise")
     angle = say.angle(abs(way))
@@ -43,7 +43,7 @@ def turn(position: Position, say: Texts = ENGLISH) -> str:
 
 
 def hole_place(position: Position, say: Texts = ENGLISH) -> str:
-    """Return a position in words: its hole, or the angle from the start if the seat has no holes."""
+    """Return a position as text: the hole, or the angle from the start if the seat has no holes."""
     return place_at(position.rotation_deg, position.hole, say)
 
 
@@ -52,7 +52,7 @@ def place_at(
     hole: int | None,
     say: Texts = ENGLISH,
 ) -> str:
-    """Return the position at a rotation [deg] in words; hole: its number, None if the seat has no holes."""
+    """Return a position as text: the hole, or the rotation [deg] if the seat has no holes and hole is None."""
     return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
@@ -64,11 +64,11 @@ def instruction(
 ) -> str:
     """Return the instruction for the fixed wheel: the destination first, then the turn to it from hole 0.
 
-    All turns count from hole 0, because after trials it is unknown in which hole the wheel is.
+    All turns count from hole 0, because the present hole of the wheel is unknown after trials.
 
     advice: choice of a hole.
     say: texts of the reader's language.
-    gains: whether the instruction ends with F'_ior before and after the turn.
+    gains: whether F'_ior before and after the turn is appended.
     """
     say = say.variant("trials") if advice.trials else say
     fixed = wheel(advice.drive, say)
@@ -126,12 +126,12 @@ def _any_hole(advice: Advice, say: Texts) -> str:
 
 
 def start_of_count(drive: Drive, say: Texts = ENGLISH) -> str:
-    """Return the position from which turns count, as in "clockwise from hole 0"."""
+    """Return the name of the position from which turns count, such as "hole 0"."""
     return say("place.start_hole") if drive.mounting.holes else say.angle(0.0)
 
 
 def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
-    """Return a measured value [arcsec] as entered; a value of a recording is rounded by its standard error."""
+    """Return a measured value [arcsec] as text; the value of a recording is rounded to the first digit of its noise."""
     if not (trial.file and trial.noise_arcsec):
         return say.number(trial.F_ior_arcsec)
     decimals = max(0, -floor(log10(trial.noise_arcsec)))
@@ -139,7 +139,7 @@ def measured_value(trial: Trial, say: Texts = ENGLISH) -> str:
 
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
-    """Return the holes of a drive's seat; none if the angle is free."""
+    """Return the holes in the seat of a drive; the seat has no holes if the angle is free."""
     mounting = drive.mounting
     holes = []
     for number in range(mounting.holes):
@@ -154,11 +154,13 @@ def seat_of(
     goal: Position | None,
     pointers: Sequence[SeatMark] = (),
 ) -> Seat:
-    """Return the seat of a drive with the present position and, unless all are equal, the worst and the best position.
+    """Return the seat of a drive, in which the present, the worst and the best position are marked.
+
+    If all holes are equal, only the present position is marked.
 
     advice: choice of a hole.
     say: texts of the reader's language.
-    goal: destination of the wheel, the present position if it stays.
+    goal: destination of the wheel, which is the present position if the wheel stays.
     pointers: directions of the mark and of the eccentricity.
     """
     if not advice.names_hole:
@@ -169,7 +171,7 @@ def seat_of(
         positions["worst"] = advice.ranked[-1]
     first_deg = advice.drive.mounting.first_hole
     marks = [_position_mark(kind, position, first_deg, say) for kind, position in positions.items()]
-    # marks are drawn in this order, so the best position is on top
+    # the best position is drawn last, so its mark is on top
     order = ("worst", "now", "best")
     return Seat(
         title=say("seat.title"),
@@ -215,18 +217,18 @@ def _seat_legend(
     return legend
 
 
-_WARNINGS = 4  # number of warnings that a card has room for
-_LETTERS_OF_WARNINGS = 240  # largest number of characters of a warning
+_WARNINGS = 4  # largest number of warnings on a card
+_LETTERS_OF_WARNINGS = 240  # largest number of characters in a warning on a card
 WHEELS = {"b": "rigid", "g": "flexspline"}
-_DIGITS = 12  # shown digits of a SHA-256
-_CARD_TRIALS = 8  # number of measured values that a card has room for
+_DIGITS = 12  # number of digits of a SHA-256 on a card
+_CARD_TRIALS = 8  # largest number of measured values on a card
 
 
 @dataclass(frozen=True)
 class Card:
     """Assembly card of one page.
 
-    condition: action required before bolting, without text if there is none.
+    condition: action required before bolting, empty if none is required.
     torques: F'_ior before and after, with an empty last column for measured values.
     sign: lines for the date and the name.
     """
@@ -247,7 +249,7 @@ class Card:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The parts of the card below the title, in order."""
+        """Parts of the card below the title, from top to bottom."""
         blocks = tuple(getattr(self, field.name) for field in fields(self)[2:])
         return blocks if self.condition.text else tuple(block for block in blocks if block is not self.condition)
 
@@ -260,11 +262,11 @@ def card_of(
     serial: str = "",
     made: date,
 ) -> Card:
-    """Return the card of a complete advice.
+    """Return the card for a choice of a hole.
 
-    advice: choice of a hole; turns count from hole 0, even after trials.
+    advice: choice of a hole.
     say: texts of the reader's language.
-    warnings: warnings in this language.
+    warnings: warnings in the reader's language.
     serial: serial number of the drive.
     made: date of the card.
     """
@@ -344,7 +346,7 @@ def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
 
 
 def _mark_pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
-    """Yield the directions of the mark now and afterwards: one if they are equal, none if they are unknown."""
+    """Yield the directions of the mark now and afterwards; if they are equal, only one; if unknown, none."""
     drive = advice.drive
     measured = advice.measured and advice.measured.fixed(drive)
     if measured:
@@ -370,7 +372,7 @@ def _pointer(
     words: str,
     say: Texts,
 ) -> SeatMark:
-    """Return the mark of a direction on the seat; kind: now, after or cam; words: words of the legend."""
+    """Return the mark of a direction on the seat; kind: now, after or cam; words: text in the legend."""
     return SeatMark(
         kind=kind,
         angle_deg=angle_deg,
@@ -380,7 +382,10 @@ def _pointer(
 
 
 def _torques(advice: Advice, say: Texts) -> Table:
-    """Return the table of F'_ior by torque: now and, if the wheel is turned, afterwards; the last column is empty."""
+    """Return the table of F'_ior by torque: now and, if the wheel is turned, afterwards.
+
+    The last column is empty, for measured values.
+    """
     is_moved = advice.turn and advice.names_hole
     places = {"place": hole_place(advice.chosen, say), "zero": _zero(advice, say)}
     names = ("torque", "now", *(("after", "change") if is_moved else ()), "measured")
@@ -398,12 +403,12 @@ def _torques(advice: Advice, say: Texts) -> Table:
 
 
 def _zero(advice: Advice, say: Texts) -> str:
-    """Return the start position, hole 0 or 0 deg, in words."""
+    """Return the start position as text: hole 0, or 0 deg if the seat has no holes."""
     return place_at(0.0, 0 if advice.drive.mounting.holes else None, say)
 
 
 def _chances(advice: Advice, say: Texts) -> Iterator[str]:
-    """Yield the probability of the choice, what to do if it proves wrong, and the number of inputs behind it."""
+    """Yield the probability of the choice, the action if the choice proves wrong, and the number of inputs."""
     yield _chance(advice, say)
     to_try = [advice.next] if advice.trials else advice.to_try
     measured = {trial.rotation_deg for trial in advice.trials}
@@ -424,7 +429,7 @@ def _chances(advice: Advice, say: Texts) -> Iterator[str]:
 
 
 def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
-    """Return the words for the expected F'_ior after bolting, by their names in the texts of a card."""
+    """Return the range, torque and name of the expected F'_ior after bolting, by field of the texts of a card."""
     predicted = advice.predicted_outcome
     if predicted:
         low = predicted.low_arcsec
@@ -443,13 +448,13 @@ def _outcome_words(advice: Advice, say: Texts) -> dict[str, str]:
 
 
 def outcome_name(advice: Advice) -> str:
-    """Return the chosen position in the form of --verify, with its torque if it differs from that of the values."""
+    """Return the chosen position as --verify expects it, with the torque if it is not that of the measured values."""
     name = named_position(advice.chosen.rotation_deg, advice.drive.mounting.holes)
     return name if advice.outcome_torque == advice.setup.M_g else f"{name}@{advice.outcome_torque:g}"
 
 
 def _chance(advice: Advice, say: Texts) -> str:
-    """Return the probability that the choice is right, in words."""
+    """Return a sentence with the probability that the choice is right."""
     decision = advice.decision
     if not advice.names_hole:
         return say("chance.any")
@@ -457,7 +462,7 @@ def _chance(advice: Advice, say: Texts) -> str:
         return say("chance.given")
     probability = decision.probability
     sure = say.percent(probability.value)
-    if probability.low < probability.high:  # its ends are rounded outwards, as on pages
+    if probability.low < probability.high:  # the ends of the interval are rounded outwards, as on pages
         low = say.number(floor(round(100 * probability.low, 6)))
         high = say.number(ceil(round(100 * probability.high, 6)))
         sure = say(
@@ -574,5 +579,5 @@ def _foot(
 
 
 def _cut(text: str) -> str:
-    """Return a text, shortened to the number of characters that a card has room for."""
+    """Return a text, shortened to the largest length of a warning if it is longer."""
     return text if len(text) <= _LETTERS_OF_WARNINGS else f"{text[:_LETTERS_OF_WARNINGS].rstrip()}..."

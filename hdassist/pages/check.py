@@ -60,7 +60,11 @@ def _angle_deg(
     angle: str,
     point: OperatingPoint,
 ) -> float | None:
-    """Return an angle of the mesh position with the largest or the smallest error (at_max, at_min) [deg]."""
+    """Return an angle [deg] of the mesh position with the largest or the smallest error; None without an error.
+
+    end: at_max or at_min.
+    angle: name of the angle.
+    """
     return (
         None
         if point.error is None
@@ -82,11 +86,11 @@ POINT_QUANTITIES = quantity_table(
 )
 BELIEF = quantity_table("check.belief")
 _MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(percentile_error, p) for p in (5, 50, 95)})
-_OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # quantities that depend on unknown inputs
+_OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # quantities over uncertain inputs
 
 
 def median_words(point: OperatingPoint, most: int = 2) -> str:
-    """Return F'_ior [arcsec] at a torque; a median over samples is rounded to the first digit of its standard error.
+    """Return F'_ior [arcsec] at a torque as text; for samples, the median, rounded to the digit of its standard error.
 
     most: largest number of decimals.
     """
@@ -94,7 +98,7 @@ def median_words(point: OperatingPoint, most: int = 2) -> str:
 
 
 def range_words(point: OperatingPoint, between: str = " to ") -> str | None:
-    """Return the 5th and 95th percentile of F'_ior [arcsec] to the first digits of their standard errors."""
+    """Return the 5th and 95th percentile of F'_ior [arcsec] as text, each rounded by its standard error."""
     if not (belief := point.belief):
         return None
     low = to_error_digit(belief.p5, percentile_error(5, point), 1)
@@ -111,11 +115,11 @@ _ON_PAGE = quantity_table(
 
 
 def check_report(check: DesignCheck, seed: int) -> Report:
-    """Return a design check as a report; seed: seed for choosing the mesh positions that are solved again."""
+    """Return the report of a design check; seed: seed for choosing the mesh positions that are solved again."""
     governing = check.points[check.governing]
-    # samples are plotted as a distribution, one drive as its error curve
+    # with samples, the page shows their distribution; for a single drive, the error curve
     first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, governing)
-    # without samples, the short page shows the curve at the governing torque
+    # without samples, the short page already shows the curve at the governing torque
     other_points = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
     fixed = wheel(check.drive)
@@ -143,14 +147,14 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 
 def influence_at(check: DesignCheck) -> str:
-    """Return the largest contributions at the governing torque in words; empty if there are none."""
+    """Return the largest contributions at the governing torque as text; empty if there are none."""
     result = f"F'_ior at {check.points[check.governing].M_g:g} N·m" if check.influences else ""
     return influence_words(check.influences, result)
 
 
 def F_ior_table(check: DesignCheck) -> Table:
     """Return the table of F'_ior by torque, with its range over the uncertain inputs and its limit, if any."""
-    # nominal values have no percentiles
+    # percentiles need samples
     if not (check.samples and check.prior):
         zeros = ", unknown inputs set to 0" if check.unknown else ""
         return Table.by_row(f"F'_ior (peak-to-peak kinematic error){zeros}, ″", _ON_PAGE, check.points)
@@ -162,13 +166,13 @@ def F_ior_table(check: DesignCheck) -> Table:
 
 
 def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
-    """Yield the reasons for the verdict of a check, from the torques that have this verdict.
+    """Yield the probability of meeting the limit at each torque that has the verdict of the check.
 
-    If the verdict is INCONCLUSIVE, the first reason states the probability that PASS needs.
+    If the verdict is INCONCLUSIVE, the first line also states the probability that is required for PASS.
     """
     is_first = True
     for point in check.points:
-        # only torques that decide the verdict are named
+        # torques with another verdict do not decide
         if point.verdict is not check.verdict or not (probability := point.probability):
             continue
         # only the first line states the required probability
@@ -179,8 +183,7 @@ def _verdict_reasons(check: DesignCheck) -> Iterator[str]:
 
 
 def _undrawn(check: DesignCheck) -> Iterator[str]:
-    """Yield the reason why a verdict without samples is INCONCLUSIVE, and the remedy."""
-    # without samples, INCONCLUSIVE needs a remedy
+    """Yield the reason and the remedy if the verdict is INCONCLUSIVE because nothing was sampled."""
     if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
         count = len(check.prior.fields)
         yield (
@@ -195,7 +198,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
     yield from steps_facts(check, _lines_for_steps(check))
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
-    # a drive that passes is ready for production
+    # after PASS, random drives come next; otherwise the hole of the fixed wheel
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
 
@@ -217,24 +220,24 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
 
 
 def uncertain_inputs_words(prior: DrivePrior) -> str:
-    """Return the number of uncertain inputs, in total and of each kind, in words."""
+    """Return the number of uncertain inputs as text, in total and by kind."""
     origin_words = {"assumed": "assumed with a range", "default": "default with a range"}
     kinds = ", ".join(f"{count} {origin_words.get(kind, kind)}" for kind, count in prior.counts().items() if count)
     return f"{len(prior.fields)} uncertain: {kinds}"
 
 
 def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
-    """Return the range of F'_ior at the smallest torque if the drive has the usual accuracy.
+    """Return a sentence with the range of F'_ior at the smallest torque if the drive has the usual accuracy.
 
-    The text is empty if the preset states the accuracy or has no backlash of the catalogue.
+    The text is empty if the catalogue data of the preset state the accuracy, or do not state the backlash.
     """
-    # only catalogue drives have a usual accuracy
+    # only drives with catalogue data have a usual accuracy
     if drive.catalogue.accuracy is not None or drive.catalogue.play is None:
         return ""
     accuracy = USUAL_ACCURACY if drive.gears.pitch_diameter > SIZE_20 else SMALL_ACCURACY
-    # accuracy is tested at a small torque
+    # manufacturers test the accuracy at a small torque
     k = min(range(len(samples.torques)), key=lambda k: abs(samples.torques[k]))
-    # the samples are weighted as if the accuracy were stated
+    # keeping() weights the samples as if the catalogue stated the accuracy
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
     return (
         f"catalogue.accuracy is not given. If the drive meets the usual {accuracy:g}″, F'_ior at "
@@ -243,13 +246,13 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 
 
 def _evidence_words(drive: Drive) -> str:
-    """Return the reference data by which samples are weighted, and how to omit a value; empty if there are none."""
+    """Return a text on the reference data that weight the samples, and how to omit a value; empty without data."""
     paths = [item.path for item in evidence_of(drive)]
     return f"{', '.join(paths)}; --set {paths[-1]}= omits the last one" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
-    """Return the identified fields, which have their fitted values in all samples, in words."""
+    """Return a text on the identified fields, which keep their fitted values in all samples; empty if none exist."""
     paths = prior.fitted
     unnamed = f" and {len(paths) - 3} more" if len(paths) > 3 else ""
     return f"at fitted values: {', '.join(paths[:3])}{unnamed}" if paths else ""
@@ -285,7 +288,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """Yield the tables of all figures of the error by torque."""
     torque, *other_quantities = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
-    # the angle of the fixed wheel is 0 throughout
+    # the angle of the fixed wheel is omitted, because it is always 0
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in other_quantities if still not in q.key]
     title = "over the full mesh cycle"
@@ -321,7 +324,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
 
 
 def _line(check: DesignCheck) -> str:
-    """Return torque, F'_ior and verdict, one line for each torque."""
+    """Return the text for -q: one line per torque with F'_ior and the verdict."""
     return "\n".join(
         f"{p.M_g:g} N*m: F'_ior "
         + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else _ON_PAGE[1].text(p))
@@ -330,11 +333,11 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-_SHOWN_OPTIONS = 3  # number of options on a short page, which also shows one question if the screen has room
+_SHOWN_OPTIONS = 3  # largest number of options on a short page
 _SCREEN_LINES = 24
 _SCREEN_COLUMNS = 80
 _LABEL_COLUMNS = len("to clarify  ")
-_LINES_OF_OTHERS = 15  # lines for head, table without its rows, next command, plot, verification, empty lines
+_LINES_OF_OTHERS = 15  # number of lines for head, table heads, next command, plot, verification and gaps
 _DERIVED = "with a tolerance, the deviations derived from it are reduced too"
 _NOT_LISTED = (
     "not listed, because F'_ior of this drive was measured: another hole, for which mount computes F'_ior, and a "
@@ -373,8 +376,8 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
 def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:
     """Yield the fact with the best options, and the fact with the first question.
 
-    The third option is omitted before the question, and the question before the second option. One option is always
-    shown.
+    If there is no room for everything, the third option is omitted first, then the question, then the second option.
+    The first option is always shown.
 
     most_lines: largest number of lines that both facts may take on a page of 80 columns.
     """
@@ -386,7 +389,7 @@ def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator
     lines = [f"{_step_words(step, check.drive)}: {_outcome_words(step, point)}" for step in options[:_SHOWN_OPTIONS]]
     question_lines = [f"{_step_words(step, check.drive)} {_outcome_words(step, point)}" for step in questions[:1]]
     head = [f"{purpose} ({value}):"] if lines else []
-    # contents are sorted from most to fewest lines; the first one that fits on the screen is shown
+    # the first of these contents that fits on the screen is shown
     contents = [(lines, question_lines), (lines[:2], question_lines), (lines, []), (lines[:2], []), (lines[:1], [])]
     fitting = [content for content in contents if _wrapped_lines([*head, *content[0], *content[1]]) <= most_lines]
     lines, question_lines = fitting[0] if fitting else contents[-1]
@@ -402,14 +405,14 @@ def _wrapped_lines(texts: Sequence[str], columns: int = _SCREEN_COLUMNS - _LABEL
 
 
 def _lines_for_steps(check: DesignCheck) -> int:
-    """Return the number of lines that one screen leaves for options and questions."""
+    """Return the number of lines on a screen that remain for options and questions."""
     reasons = _wrapped_lines([*_verdict_reasons(check)], _SCREEN_COLUMNS)
     taken = _LINES_OF_OTHERS + len(check.points) + reasons
     return _SCREEN_LINES - taken
 
 
 def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str, str]:
-    """Return the governing torque, the purpose of the steps, the value before them, and the head of their outcomes."""
+    """Return the governing torque, the purpose of the steps, the value before them, and the column head of outcomes."""
     point = check.points[check.governing]
     torque = f"{point.M_g:g} N·m"
     limit = point.limit_arcsec
@@ -429,7 +432,7 @@ _COUNTS = {2: "two", 3: "three", 4: "four"}  # number words for the holes in whi
 
 
 def _step_words(step: Step, drive: Drive) -> str:
-    """Return a step in words."""
+    """Return the description of a step."""
     holes = drive.mounting.holes
     if step.kind == "question":
         field = field_table()[step.of]
@@ -439,7 +442,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         return f"put the {wheel(drive)} in {place}"
     if step.kind == "trials":
         # a seat with free angle has no holes
-        places = "holes" if holes else "directions"  # mount names them
+        places = "holes" if holes else "directions"  # the mount command names them
         count = _COUNTS[len(step.of.split(","))]
         return f"measure F'_ior in {count} {places} and use the best"
     return {
@@ -455,7 +458,7 @@ def _carried_out(step: Step, check: DesignCheck) -> str:
     drive = check.drive
     if step.kind == "correction":
         return f"{again('plan', drive)}, then {again('compensate', drive)} RECORDING"
-    # mount finds the hole, so the command does not name it
+    # the command need not name the hole, because mount finds it
     if step.kind in ("hole", "trials"):
         return again("mount", drive)
     return command_line([word for text in step.edit for word in ("--set", text)])
@@ -475,13 +478,13 @@ def _outcome_words(step: Step, point: OperatingPoint) -> str:
 def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
     """Return the median of F'_ior after a step with its 5th and 95th percentile, as text.
 
-    Their relative standard error is assumed to be the largest one of these percentiles before the step.
+    The relative standard error of each is assumed to be the largest of those of the percentiles before the step.
     """
-    # all inputs are known, so there is one value
+    # without uncertain inputs, all percentiles are equal
     if found.p5 >= found.p95 or not point.belief:
         return f"{found.p50:.1f}″"
     before = {5: point.belief.p5, 50: point.belief.p50, 95: point.belief.p95}
-    # the relative Monte Carlo error of an option is assumed to be that without the option
+    # the relative Monte Carlo error is assumed to be the same before and after the step
     error_share = max((percentile_error(percent, point) or 0.0) / value for percent, value in before.items())
     low, middle, high = (
         to_error_digit(value, error_share * found.p50, 1) for value in (found.p5, found.p50, found.p95)
@@ -490,10 +493,10 @@ def _percentiles_after(found: Outcome, point: OperatingPoint) -> str:
 
 
 def _value(found: Outcome, point: OperatingPoint) -> str:
-    """Return F'_ior after a step; with a limit, the probability of meeting it, or the value compared with the limit."""
+    """Return F'_ior after a step as text; with a limit, the probability of meeting it, or whether it is met."""
     if found.probability is None:
         return _percentiles_after(found, point)
-    # one value meets the limit or exceeds it
+    # without a range, the value either meets the limit or does not
     if found.p5 == found.p95:
         return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'met' if found.probability else 'not met'}"
     interval = f" ({100 * (found.probability_low or 0):.0f} to {100 * (found.probability_high or 0):.0f})"

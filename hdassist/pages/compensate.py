@@ -44,7 +44,7 @@ def compensate_report(
     is_written: bool = False,
     warnings: Sequence[str] = (),
 ) -> Report:
-    """Return the residual error with a stored correction, for each form of correction, as a report.
+    """Return the report of the residual error with a stored correction, for each form of correction.
 
     result: correction.
     is_written: whether the correction was written to a file.
@@ -83,7 +83,7 @@ def compensate_report(
 
 
 def _notes_of_drive(result: Correction) -> tuple[str, ...]:
-    """Return the warnings about the drive of a correction and about its samples; none without a drive."""
+    """Return the warnings about the drive of a correction and about the samples; empty if no drive is known."""
     drive = result.drive
     if drive is None:
         return ()
@@ -94,7 +94,7 @@ def _notes_of_drive(result: Correction) -> tuple[str, ...]:
 
 
 def _correction_object(result: Correction) -> Json:
-    """Return the result as JSON; a refused correction is omitted."""
+    """Return a correction and its residuals as JSON; the correction itself is omitted if it is refused."""
     is_refused = result.chosen.is_refused
     return {
         "M_g_Nm": result.M_g,
@@ -153,7 +153,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
 
 
 def _columns(result: Correction) -> dict[str, Array]:
-    """Return the columns of the correction, by name; a correction for each load has the rows of all torques."""
+    """Return the columns of the correction by name; for a correction at each load, with the rows of all torques."""
     if not result.chosen.form.each_load:
         return correction_columns(result.correction)
     tables = [correction_columns(correction) for correction in result.corrections.values()]
@@ -199,7 +199,7 @@ def _other_loads(result: Correction) -> Iterator[str]:
 
 
 def _part_words(part: ErrorPart) -> str:
-    """Return the name of a part of the error as pages show it."""
+    """Return the name of a part of the error on pages."""
     return _PART_WORDS.get(part.name, part.name)
 
 
@@ -273,7 +273,7 @@ def _range(each: ErrorPart | ExpectedResidual, separator: str = "-") -> str:
 
 def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
     cases = list(range(len(forms[0].residuals)))
-    if short:  # two torques, the larger zero error, and the lost revolution
+    if short:  # the short table has two torques, the larger zero error and the lost revolution
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
     cases_in_words = tuple(_case_words(residual) for residual in heads)
@@ -302,7 +302,7 @@ def _lines_table(result: Correction) -> Table:
 
 
 def _curves(result: Correction) -> tuple[Any, Any]:
-    """Return the error [arcsec] over the cycle of the drive nearest to the median, before and after correction."""
+    """Return the error [arcsec] of the drive nearest to the median over the cycle, before and after correction."""
     error = result.errors[result.M_g]
     before = error.actual[np.argsort(error.ranges)[len(error.ranges) // 2]]
     return before, before - correction_curve(result.correction, error.lines.kinematics).reshape(-1)

@@ -39,10 +39,10 @@ from hdassist.report import (
 )
 from hdassist.terminal.words import ENVELOPE, again, heading, not_known, on_what
 
-_LISTED_ORDERS = 12  # number of orders in the table of --details, the largest ones
-_NAMED_ORDERS = 2  # number of orders on a short page, the largest ones
+_LISTED_ORDERS = 12  # number of orders in the table of --details, chosen by amplitude
+_NAMED_ORDERS = 2  # number of orders on a short page, chosen by amplitude
 _LEAST_SHOWN = 0.005  # arcsec; a smaller amplitude would be shown as 0.00
-_MANY_TURNS = 8  # input revolutions beyond which a curve would fill an area, so its envelope is drawn
+_MANY_TURNS = 8  # largest number of input revolutions drawn as a curve; for more, the envelope is drawn
 
 _END_WORDS = {"least": "smallest", "greatest": "largest"}  # ends of a sweep, by their keys in JSON
 _UNKNOWN_AS_ZERO = "Unknown inputs are taken as 0; hdassist check gives F'_ior with its range over them."
@@ -57,8 +57,11 @@ def slope_words(
     *,
     is_least: bool = False,
 ) -> str:
-    """Return the largest slope [arcsec per deg of the output] in words, and the rate at a speed [arcsec/s].
+    """Return a text on the largest slope and, if a speed is given, on the rate at this speed.
 
+    slope: largest slope [arcsec per deg of the output].
+    uncertainty: standard uncertainty of the slope, 0 if it has none.
+    speed: output speed [arcsec/s], None if it is not given.
     is_least: whether the slope is a lower bound.
     """
     reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
@@ -81,7 +84,7 @@ def _orders_table(largest: Sequence[TraceOrder]) -> Table:
 
 
 def _start_words(trace: Trace, moving: str) -> str:
-    """Return the torque, length and start of an error curve in words; moving: name of the angle of the moving wheel."""
+    """Return the torque, length and start of an error curve as text; moving: name of the moving wheel's angle."""
     revolutions = "revolution" if trace.revolutions == 1 else "revolutions"
     return f"{trace.error.M_g:g} N·m, {trace.revolutions} input {revolutions} from {moving} = {trace.start_deg:g}°"
 
@@ -110,12 +113,12 @@ def trace_report(
     seed: int,
     speed: float | None = None,
 ) -> Report:
-    """Return the error of a drive over input revolutions as a report.
+    """Return the report of the error of a drive over input revolutions.
 
-    drive: drive.
-    trace: its error curve.
+    drive: computed drive.
+    trace: error curve of the drive.
     seed: seed for choosing the mesh positions that are solved again.
-    speed: output speed [arcsec/s], by which the slope gives a rate; None if it is not given.
+    speed: output speed [arcsec/s] that converts the slope to a rate; None if it is not given.
     """
     error = trace.error
     is_part = trace.revolutions < error.kinematics.cycle_cam_revolutions
@@ -157,7 +160,7 @@ def _trace_object(
 ) -> Json:
     """Return an error curve as JSON.
 
-    moving: name of the angle that states its start; the other arguments are those of trace_report.
+    moving: name of the angle at which the curve starts; the other arguments are those of trace_report.
     """
     error = trace.error
     return {
@@ -178,7 +181,7 @@ def _trace_object(
 
 
 def _angles_deg(trace: Trace) -> dict[str, Array]:
-    """Return the angles of the input and of both wheels [deg] by name, shape (states,) each."""
+    """Return the angles of the input and of both wheels [deg] by name, each of shape (states,)."""
     states = trace.error.states
     return {f"{name}_deg": np.degrees(getattr(states, name)) for name in ("phi_h", "phi_g", "phi_b")}
 
@@ -189,7 +192,7 @@ def _limits_of_trace(
     *,
     is_part: bool,
 ) -> Iterator[str]:
-    """Yield sentences on what an error curve omits; is_part: whether it is shorter than the full mesh cycle."""
+    """Yield the limitations of an error curve; is_part: whether the curve is shorter than the full mesh cycle."""
     if drive.measured != Measured.of_defaults():
         yield "Values of the preset: measurements of the drive are not taken into account."
     if is_part:
@@ -206,7 +209,7 @@ def _next(
     *,
     is_part: bool,
 ) -> str:
-    """Return the next command, which after a part of the cycle computes the full mesh cycle.
+    """Return the next command, which computes the full mesh cycle if the error curve covers only a part.
 
     is_part: whether the error curve is shorter than the full mesh cycle.
     """
@@ -217,7 +220,7 @@ def _next(
 
 
 def _along_words(along: ErrorAlong | None) -> str:
-    """Return the varying torque of an error curve, the interpolation error, and ranges; empty for a constant torque."""
+    """Return a text on the varying torque of an error curve and on the interpolation; empty for a constant torque."""
     if along is None:
         return ""
     ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
@@ -232,7 +235,7 @@ def curve_of_turns(
     error: Series,
     words: str,
 ) -> Curve:
-    """Return the error over input revolutions as a curve; words: label of the error axis, with its unit."""
+    """Return the curve of the error over input revolutions; words: label of the error axis, with the unit."""
     over = float(np.ptp(turns) > _MANY_TURNS)
     around = f": {ENVELOPE}" if over else ""
     return Curve(
@@ -270,7 +273,7 @@ _SEGMENT_COLUMNS = quantity_table(
 
 
 def stiffness_report(drive: Drive, found: Stiffness) -> Report:
-    """Return the stiffness of a drive as a report: twist over torque, K1, K2, K3, lost motion."""
+    """Return the report of the stiffness of a drive: twist over torque, K1, K2, K3, lost motion."""
     curve = {"torque_Nm": found.torque, **attributes(found, "twist_arcsec", "contact_arcsec", "tube_arcsec")}
     sides = {"positive": found.positive, "negative": found.negative}
     rows = [segment for side in sides.values() for segment in segments_beside(drive.catalogue, side)]
@@ -299,7 +302,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
 
 
 def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
-    """Return the warnings about a stiffness."""
+    """Return the warnings about a drive and about the torque to which its lost motion refers."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
     torque = f"the lost motion refers to {result.rated:g} N*m, the largest of its operation.M_g"
@@ -321,7 +324,7 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
 
 
 def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
-    """Return the catalogue's upper limit of the lost motion in words, and whether the model is below it."""
+    """Return a text that compares the lost motion with the limit of the catalogue; empty without a limit."""
     limit_arcsec = drive.catalogue.lost_motion
     if limit_arcsec is None:
         return ""
@@ -336,7 +339,7 @@ _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 
 def columns(sweep: Sweep) -> list[str]:
-    """Return the column names of the rows of a sweep: the varied fields in their own units, then the results."""
+    """Return the names of the columns of a sweep: the varied fields, then the results."""
     return [*(axis.path for axis in sweep.varied), *_ROW_COLUMNS]
 
 
@@ -346,7 +349,7 @@ def cells(record: SweepRow) -> list[Any]:
 
 
 def _spans(sweep: Sweep) -> str:
-    """Return the varied fields with the ranges of their values."""
+    """Return the varied fields with the ranges of their values as text."""
     spans = []
     for axis in sweep.varied:
         low = min(axis.values)
@@ -357,7 +360,7 @@ def _spans(sweep: Sweep) -> str:
 
 
 def _sweep_object(swept: Swept, records: Iterable[SweepRow]) -> Json:
-    """Return a sweep by the keys of the JSON result; records: its rows, empty if the result omits them."""
+    """Return a sweep by the keys of the JSON result; records: rows for the result, empty if it omits the rows."""
     ends = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in swept.ends.items()}
     return {
         "unknown": unknown_objects(unknowns(swept.largest)),
@@ -371,7 +374,7 @@ def _sweep_object(swept: Swept, records: Iterable[SweepRow]) -> Json:
 
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
-    """Return a sweep as a report; records: its rows for the JSON result, empty if the result omits them."""
+    """Return the report of a sweep; records: rows for the JSON result, empty if the result omits the rows."""
     sweep = swept.sweep
     drive = swept.drive
     ends = swept.ends
@@ -416,14 +419,14 @@ def _of(
     values: str,
     sign: str,
 ) -> str:
-    """Return the text of a varied field: its name, a sign, and its values with their unit."""
+    """Return a varied field as text: name, sign, and values with their unit."""
     return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
 
 
 def _figures(swept: Swept) -> Iterator[Curve]:
-    """Yield the curve of F'_ior over one varied field at each torque.
+    """Yield the curve of F'_ior over the varied field for each torque with at least two results.
 
-    Several varied fields give no curve; neither does a torque with fewer than two results.
+    If several fields are varied, there are no curves.
     """
     axis, *other_axes = swept.sweep.varied
     torques = [f" at {M_g:g} N·m" for axis in swept.sweep.further for M_g in axis.values] or [""]

@@ -38,7 +38,7 @@ _NOTE = "agreement with fitted targets does not validate the model; agreement wi
 
 
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
-    """Return a calibration as a report; written: file of the preset with the fitted values, None if none is written."""
+    """Return the report of a calibration; written: file of the preset with the fitted values, None if none exists."""
     wanted = result.targets
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
@@ -62,7 +62,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
             "alternatives": sets[1:],
             **attributes(result, "indistinct", "evaluations", "seed"),
         },
-        # each line has the form of an argument of --set
+        # each line can be used as an argument of --set
         line="\n".join(f"{value.path}={value.found!r}" for value in result.values),
         warnings=tuple(_warnings(result)),
         exit_code=0 if all(met) else Verdict.FAIL.exit_code,
@@ -81,7 +81,7 @@ def _after_calibration(result: Calibration, written: str | None) -> str:
 
 
 def _targets_table(wanted: Targets, fitted: Json) -> Table:
-    """Return the table of the targets and the values of a fit; fitted: the fit as JSON."""
+    """Return the table that compares the targets with the values of a fit; fitted: fit as JSON."""
     rows = []
     columns = zip(
         wanted.targets,

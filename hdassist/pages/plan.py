@@ -27,8 +27,8 @@ from hdassist.report import (
 from hdassist.run.system import command_line
 from hdassist.terminal.words import again, more_draws, preset_argument
 
-_LARGE_LINE = 0.1  # smallest share of the variance of a component that is named
-_DRAWN_GROUPS = 36  # largest number of points in a plot; more points would overlap
+_LARGE_LINE = 0.1  # smallest share of the variance at which a component is named
+_DRAWN_GROUPS = 36  # largest number of points in a plot, at which they do not overlap
 _ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
 
 
@@ -37,7 +37,7 @@ def _percent(share: float) -> str:
 
 
 def _test_words(name: str) -> str:
-    """Return the name of a test on pages, translated from its name in JSON ("record of 10 cam turns")."""
+    """Return the name of a test on pages; name: its name in JSON, such as "record of 10 cam turns"."""
     words_of_json = {
         "record of": "recording of",
         "cam turn": "input revolution",
@@ -58,7 +58,7 @@ _PLAN_QUANTITIES = quantity_table(
 )
 _LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
 _TEST_QUANTITIES = quantity_table("plan.run")
-_LISTED_READINGS = 96  # largest number of readings on a sheet; a longer list is in the file only
+_LISTED_READINGS = 96  # largest number of readings listed on a sheet; a longer list is only in the file
 
 
 def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
@@ -90,7 +90,7 @@ def _plan_object(choice: PlanChoice, F_ior: Sequence[float]) -> Json:
 
 
 def plan_report(choice: PlanChoice, record: str) -> Report:
-    """Return the report of the sufficient tests of F'_ior, with the share of F'_ior that the first plan captures.
+    """Return the report on tests of F'_ior: which are sufficient, and the share of F'_ior that they capture.
 
     choice: judged plans.
     record: file that the next command measures.
@@ -131,14 +131,14 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
 
 def _F_ior_range(choice: PlanChoice) -> tuple[float, float, float]:
     """Return the 5th percentile, median and 95th percentile of F'_ior [arcsec] over the drives of a choice."""
-    if choice.samples and not choice.drives.travel:  # the same range as on other pages
+    if choice.samples and not choice.drives.travel:  # other pages show the same range
         belief = ErrorBelief.of(choice.samples, choice.drive.operation.M_g.index(choice.M_g))
         return belief.p5, belief.p50, belief.p95
     return choice.drives.percentiles(choice.drives.F_ior_arcsec)
 
 
 def _sufficient_tests(choice: PlanChoice) -> str:
-    """Return the sufficient tests in words; empty if there are none."""
+    """Return the names of the sufficient tests as text; empty if there are none."""
     return " or ".join(_test_words(judged.plan.name) for judged in choice.enough)
 
 
@@ -148,7 +148,7 @@ def _unsure_tests(choice: PlanChoice) -> list[str]:
 
 
 def _answer(choice: PlanChoice) -> str:
-    """Return in words whether the planned test is sufficient, or the names of the sufficient tests."""
+    """Return a text on whether the requested test is sufficient, or else with the names of the sufficient tests."""
     if not choice.asked and choice.verdict is Verdict.FAIL:
         return "none of these tests is sufficient"
     word = {Verdict.PASS: "sufficient", Verdict.FAIL: "not sufficient"}.get(choice.verdict, "possibly sufficient")
@@ -216,7 +216,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
 
 
 def _duration(test: PlannedTest) -> str:
-    """Return the readings, the duration and the standard uncertainty of a test in words."""
+    """Return the number of readings, the duration and the standard uncertainty of a test as text."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
     return (
         f"{_test_words(test.judged.plan.name)}: {test.readings} readings, {test.minutes:.0f} min with warm-up{unsure}"
@@ -224,7 +224,7 @@ def _duration(test: PlannedTest) -> str:
 
 
 def _verdicts(test: PlannedTest) -> str:
-    """Return the shares of verdicts that accept gives on a test, in words; empty without a limit."""
+    """Return a text on the shares of the verdicts of accept after a test; empty without a limit."""
     if test.passing is None or test.failing is None:
         return ""
     passing = test.passing.value
@@ -236,7 +236,7 @@ def _verdicts(test: PlannedTest) -> str:
 
 
 def approach_csv(choice: PlanChoice) -> str:
-    """Return the file to fill in during a test: a row for each reading, after comments with the captured shares."""
+    """Return the text of the file to fill in during a test: comments on the plan, then a row for each reading."""
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*test.approaches, strict=True)]
@@ -266,7 +266,7 @@ def sheet_report(
 
     choice: judged plans.
     serial: serial number of the drive.
-    file: file with the positions, empty if it is not written.
+    file: file with the positions, empty if none is written.
     """
     drive = choice.drive
     return Report(
@@ -305,7 +305,7 @@ def _procedure(choice: PlanChoice) -> tuple[str, ...]:
 
 
 def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
-    """Return the rules to evaluate the readings of a test; file: file with the positions, empty if not written."""
+    """Return the rules to evaluate the readings of a test; file: file with the positions, empty if there is none."""
     low, middle, high = map(_percent, choice.test.judged.seen)
     rules = [
         "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
@@ -320,7 +320,7 @@ def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
 
 
 def _readings(test: PlannedTest, file: str) -> Table | Facts:
-    """Return the table to fill in, or the file with the positions if there are too many for a table."""
+    """Return the table of readings to fill in, or a reference to the file if there are too many readings."""
     minutes, targets_deg, sides = test.approaches
     if len(targets_deg) > _LISTED_READINGS:
         return Facts((("readings", f"the list is in {file or 'the file of --approach'}"),))

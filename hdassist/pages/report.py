@@ -71,7 +71,7 @@ def _error_section(sheet: DriveSheet, check: Report) -> ReportSection:
 
 
 def _mounting_section(sheet: DriveSheet, mount: Report) -> ReportSection:
-    """Return the section of the fixed wheel: its figures, the table of holes, and facts not in the check."""
+    """Return the section of the fixed wheel: figures, the table of holes, and facts that the check does not state."""
     blocks = (*mount.blocks, *mount.details)
     figures = [block for block in blocks if isinstance(block, Figure)]
     *_, holes_table = (block for block in mount.details if isinstance(block, Table))
@@ -93,7 +93,7 @@ def drive_report(
     draws: int,
     seed: int,
 ) -> Report:
-    """Return the report of a drive, which has two printed pages.
+    """Return the complete report of a drive, which fills two printed pages.
 
     sheet: results for the drive.
     draws: required effective sample size.
@@ -163,7 +163,7 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     resolved = {row.path: row for row in resolved_fields(drive)}
     drawn = check.prior.fields if check.prior else ()
     ranges = {field.path: f"{four_digits(field.low)} to {four_digits(field.high)}" for field in drawn}
-    # the first field of a group is its size, or its direction if the size is known
+    # a group is represented by its first field: the size, or the direction if the size is known
     groups = {field.group: field.path for field in reversed(drawn)}
     rows = tuple(
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
@@ -200,7 +200,7 @@ def _provenance(
     return Facts(rows)
 
 
-_CARD_COLUMNS = 78  # width of the card as plain text
+_CARD_COLUMNS = 78  # characters; width of the card as plain text
 _LINES_BESIDE = 45  # lines of the card as text (drawing, checks, empty lines) that take no height of their own on paper
 _CYRILLIC = range(0x400, 0x500)
 _UNICODE = Style(
@@ -220,7 +220,7 @@ def report_html(report: Report) -> str:
 
 
 def report_markdown(report: Report, style: Style) -> str:
-    """Return a report as GitHub Markdown, with figures in characters; style: style of its texts."""
+    """Return a report as GitHub Markdown, with figures drawn in text characters; style: style of the texts."""
 
     def safe(value: Any) -> Any:
         """Return a value as text, with a backslash before each character that is markup in Markdown or HTML."""
@@ -238,7 +238,7 @@ def card_html(card: Card) -> str:
 
 
 def card_text(card: Card, *, ascii: bool = False) -> str:
-    """Return the card as text; ascii: with 7-bit characters only, except Cyrillic letters."""
+    """Return the card as text; ascii: whether it may contain only 7-bit characters and Cyrillic letters."""
     return blocks_text(card.title, card.blocks, ascii=ascii)
 
 
@@ -248,9 +248,9 @@ def blocks_text(
     *,
     ascii: bool = False,
 ) -> str:
-    """Return a title with blocks below it as text of the width of a card.
+    """Return a title and blocks as text in the width of a card.
 
-    ascii: whether to use 7-bit characters only, except Cyrillic letters.
+    ascii: whether the text may contain only 7-bit characters and Cyrillic letters.
     """
     style = Style(
         ascii,
@@ -263,9 +263,10 @@ def blocks_text(
 
 
 def lines_on_paper(card: Card) -> int:
-    """Return the approximate number of lines of a card next to its drawing; table rows are higher and count twice.
+    """Return the approximate number of lines that determine the height of a printed card.
 
-    The style sheet chooses the font size by this number to fit the card on one page.
+    Table rows are higher and count twice. From this number, the style sheet chooses a font size at which the card fits
+    on one page.
     """
     return len(card_text(card).splitlines()) - _LINES_BESIDE + len(card.torques.rows)
 
@@ -281,9 +282,9 @@ def _environment(
     *,
     autoescape: bool = False,
 ) -> Environment:
-    """Return the environment of the templates: their folder, the escaping of texts, and their functions.
+    """Return the jinja2 environment of the templates, with their folder, their functions and the escaping of texts.
 
-    Lines that contain only a tag produce no line of output.
+    A line that contains only a tag produces no line of output.
 
     finalize: function applied to each inserted value.
     style: style of the figures.
@@ -301,7 +302,7 @@ def _environment(
     plain = replace(style, codes=False, width=_UNICODE.width)
 
     def drawn(figure: Figure) -> str:
-        """Return a figure in characters; in a fenced block of Markdown, only the fence has to be replaced."""
+        """Return a figure drawn in text characters; in Markdown, the fence of a code block is replaced within it."""
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
@@ -326,7 +327,7 @@ def _environment(
 
 
 def _unbroken(text: str) -> str:
-    """Return a text for HTML, with arrows as one character and without line breaks in a range or before a unit."""
+    """Return a text in which no line breaks within a range or before a unit, and each arrow is one character."""
     return re.sub(
         r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|\u041d·\u043c|µm|mm|%)",
         lambda found: found[0].replace("-", "\N{NON-BREAKING HYPHEN}").replace(" ", "\N{NO-BREAK SPACE}"),
@@ -335,7 +336,7 @@ def _unbroken(text: str) -> str:
 
 
 def _html_safe(value: Any) -> Any:
-    """Return a text with hidden characters escaped, or a number of a drawing rounded; jinja2 escapes the rest."""
+    """Return a text with hidden characters escaped, or a rounded number; jinja2 escapes markup."""
     if isinstance(value, float):
         return round(value, 2)
     return _UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
@@ -344,7 +345,7 @@ def _html_safe(value: Any) -> Any:
 CENTRE = (210.0, 146.0)  # centre of the seat in its drawing
 HOLE_CIRCLE = 112.0  # radius of the circle of holes in the drawing of a seat
 _CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # left, top, right and bottom of the axes in a chart
-ENVELOPE_COLUMNS = 400  # number of columns of an envelope, which replaces a curve of many points
+ENVELOPE_COLUMNS = 400  # number of columns of the envelope that replaces a curve with many points
 
 
 def at(angle_deg: float, distance: float) -> tuple[float, float]:
@@ -371,7 +372,7 @@ class _ChartAxes:
 
     @classmethod
     def around(cls, figure: Curve) -> _ChartAxes:
-        """Return the axes for a figure of more than one point, including its limit and its whiskers."""
+        """Return axes that include the values, the limit and the whiskers of a figure with more than one point."""
         ends = float(figure.x[0]), float(figure.x[-1])
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
         return cls(columns, ticks(*figure.ends, 5), ends)
@@ -386,9 +387,9 @@ class _ChartAxes:
 
 
 def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:
-    """Return the points of a line; for a line of many points, the corners of its envelope.
+    """Return the points of a line or, for a line with many points, the corners of its envelope.
 
-    The corners follow the largest values and return along the smallest values.
+    The corners follow the largest values from left to right, then the smallest values from right to left.
 
     figure: curve with the x values.
     y: values of the line, shape (points,).

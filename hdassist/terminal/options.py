@@ -1,8 +1,8 @@
-"""Groups of options of which commands are composed.
+"""Groups of options from which commands inherit.
 
-A command is a frozen dataclass. It inherits groups of options, has its own options as fields, and its docstring is its
-help. `report` returns the report on a preset, which `run` writes; commands of another kind have their own `run`. A
-field has a type and a default; options.toml contains its texts, by class and field.
+A command is a frozen dataclass. It inherits groups of options, its own options are fields, and its docstring is its
+help. `report` returns the report on a preset, which `run` writes; commands without a report on each preset define `run`
+themselves. A field has a type and a default; options.toml contains the texts of each field, by class and field.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _declared_parameter(
     section: str | None = None,
     **parameters: Any,
 ) -> Any:
-    """Return the type of a field with its option or argument, as declared in options.toml."""
+    """Return the type of a field, annotated with the typer option or argument that options.toml declares."""
     if get_origin(kind) is list and not is_required:
         parameters = {"default_factory": list, "show_default": False} | parameters
     if is_argument:
@@ -61,7 +61,7 @@ def option_name(field: str) -> str:
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class OptionGroup:
-    """Options as fields; subclasses become frozen dataclasses without a decorator."""
+    """Group of options, one per field; each subclass becomes a frozen dataclass without a decorator."""
 
     def __init_subclass__(cls) -> None:
         """Annotate each field declared in options.toml with its typer option, and make the class a dataclass."""
@@ -77,12 +77,12 @@ class OptionGroup:
 
     @classmethod
     def command_name(cls) -> str:
-        """Return the name of the command, derived from its class, for example presets-show."""
+        """Return the name of the command, for example presets-show for the class PresetsShowCommand."""
         return "-".join(re.findall("[A-Z][a-z]+", cls.__name__)[:-1]).lower()
 
     @classmethod
     def typed(cls, field: str, value: object) -> str:
-        """Return a field with its value as on the command line: an option with its value, or an argument."""
+        """Return a field and its value as text for the command line: an option with the value, or an argument."""
         tables = [DECLARED.get(base.__name__, {}) for base in cls.__mro__]
         declared: dict[str, Any] = next((table[field] for table in [*tables, DECLARED["any"]] if field in table), {})
         if declared.get("is_argument"):
@@ -94,13 +94,13 @@ class OptionGroup:
         return f"{name}={number}" if name.startswith("--") else f"{name}{number}"
 
     def only(self, part: type[_PartT]) -> _PartT:
-        """Return the options of one of the command's groups, or of a dataclass with the same fields."""
-        # a type variable cannot require a dataclass
+        """Return one of the command's groups of options, or another dataclass with some of the same fields."""
+        # the type variable cannot be restricted to dataclasses
         names = [field.name for field in fields(part)]  # type: ignore[arg-type]
         return part(**{name: getattr(self, name) for name in names})
 
     def given(self) -> Iterator[tuple[str, object]]:
-        """Return name and value of each option that differs from its default, with one item per value of a list."""
+        """Yield the name and value of each option that differs from its default; a list gives one pair per value."""
         values_of_fields = ((f, getattr(self, f.name)) for f in fields(self))
         items = ((f, item) for f, value in values_of_fields for item in (value if isinstance(value, list) else [value]))
         return ((f.name, item) for f, item in items if item != f.default)
@@ -115,7 +115,7 @@ class PageOptions(OptionGroup):
     ascii: bool = False
     no_color: bool = False
     debug: bool = False
-    beside: ClassVar[tuple[str, ...]] = ("csv", "parquet")  # options with a further output file
+    beside: ClassVar[tuple[str, ...]] = ("csv", "parquet")  # options that name a further output file
 
     @property
     def answer_file(self) -> str:
@@ -123,13 +123,14 @@ class PageOptions(OptionGroup):
         return self.output
 
     def replaces(self, _path: str) -> bool:
-        """Return whether an existing file may be replaced."""
+        """Return whether an existing output file may be replaced."""
         return self.force
 
     def open(self) -> Output:
-        """Return the output; files that cannot be written are refused before the computation.
+        """Return the output, after checking that its files can be written.
 
-        Raises UsageError or DataError for such files, and UsageError if two results would use standard output.
+        Raises UsageError or DataError for a file that cannot be written, and UsageError if two results would use
+        standard output.
         """
         import sys
 
@@ -164,7 +165,7 @@ class PageOptions(OptionGroup):
     def give_failure(self, command: str, error: HdassistError) -> None:
         """Write the error that ended a command as its JSON result, unless a result was already written.
 
-        Raises UsageError and DataError.
+        Raises UsageError or DataError if the result cannot be written.
         """
         if self.json and not is_written(self.answer_file):
             answer = failure(
@@ -175,7 +176,7 @@ class PageOptions(OptionGroup):
             write_text(self.answer_file, json_text(answer), self.force)
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report on a preset; out shows the progress."""
+        """Return the report on a preset; out: output that shows the progress."""
         raise NotImplementedError  # commands with their own `run` do not call this method
 
 
@@ -205,7 +206,7 @@ class RowsOptions(PlotOptions):
     parquet: str | None = None
 
     def open(self) -> Output:
-        """Return the output; files that cannot be written are refused before the computation."""
+        """Return the output, after checking that its files can be written."""
         if self.parquet is not None:
             require_parquet(self.parquet)
         return super().open()
@@ -226,7 +227,7 @@ class DriveOptions(OptionGroup):
 
     @property
     def changes(self) -> list[str]:
-        """All changes of a preset by the options, as overrides in the sequence in which they apply."""
+        """Changes of the preset by the options, as overrides in the order in which they apply."""
         return list(self.overrides)
 
     def load(self, preset: str) -> Drive:
@@ -236,7 +237,7 @@ class DriveOptions(OptionGroup):
         return load_preset(preset, self.changes, self.taken_over())
 
     def taken_over(self) -> tuple[AskedOption, ...]:
-        """Return the options that decide the result, which a following command on the drive takes over."""
+        """Return the given options that affect the result, which the next command on the drive may take over."""
         from hdassist.preset.fields import AskedOption
 
         command = self.command_name()
@@ -253,7 +254,7 @@ class LoadedDriveOptions(DriveOptions):
 
     @property
     def changes(self) -> list[str]:
-        """All changes of a preset by the options, including its torques."""
+        """Changes of the preset by the options, including the torques."""
         return [*super().changes, *torque_overrides(self.torque)]
 
     def load(self, preset: str) -> Drive:
@@ -265,7 +266,7 @@ class LoadedDriveOptions(DriveOptions):
         return _with_no_load_warning(replace(self, torque=torques).load_at_torques(preset), no_load_Nm)
 
     def load_at_torques(self, preset: str) -> Drive:
-        """Return the drive of a preset with the changes, without a torque of 0. Raises the errors of `load`."""
+        """Return the drive of a preset with changes that include no torque of 0. Raises the errors of `load`."""
         return DriveOptions.load(self, preset)
 
 
@@ -276,7 +277,7 @@ class OneTorqueOptions(DriveOptions):
 
     @property
     def changes(self) -> list[str]:
-        """All changes of a preset by the options, including its torque."""
+        """Changes of the preset by the options, including the torque."""
         return [*super().changes, *torque_overrides([self.torque])]
 
     def load(self, preset: str) -> Drive:
@@ -295,13 +296,13 @@ class LimitedDriveOptions(LoadedDriveOptions):
 
     @property
     def limits(self) -> tuple[LimitText, ...]:
-        """Limits of F'_ior, with those for all torques first. Raises UsageError for any other limit."""
+        """Limits of F'_ior, those for all torques first. Raises UsageError for a limit of another quantity."""
         return limits_of_options(self.limit, only="F_ior")
 
     def load_at_torques(self, preset: str) -> Drive:
-        """Return the drive of a preset with the changes, without a torque of 0.
+        """Return the drive of a preset with the changes, none of which is a torque of 0.
 
-        Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
+        Raises DataError, PresetError or UsageError; UsageError also for a limit at a torque that is not computed.
         """
         from hdassist.acceptance.limits import load_limited
 
@@ -329,13 +330,13 @@ class PitchOptions(OptionGroup):
     pitch_flank: Literal["left", "right"] | None = None
 
     def wheels(self) -> WheelFiles:
-        """Return the files and their reading conventions."""
+        """Return the files of measured teeth and the conventions for reading them."""
         from hdassist.readers.pitch import WheelFiles
 
         return self.only(WheelFiles)
 
     def wheels_of_one(self, presets: Sequence[str]) -> WheelFiles:
-        """Return the files, if any. Raises UsageError for contradictory options, before any file is read."""
+        """Return the files of measured teeth of a single drive. Raises UsageError for contradictory options."""
         wheels = self.wheels()
         wheels.require_sound()
         if wheels.files and len(presets) > 1:
@@ -348,9 +349,10 @@ class PitchOptions(OptionGroup):
 
     @staticmethod
     def teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
-        """Return the measured wheels of a drive, None without a file, and report assumptions on standard error.
+        """Read the measured teeth of a drive, and report assumptions on standard error.
 
-        Raises PresetError with the faults of a file, and DataError for a file that cannot be read.
+        Return None if there are no files. Raises PresetError for a file with invalid contents, and DataError for a file
+        that cannot be read.
         """
         measured = files.read(drive)
         note_teeth(measured)
@@ -377,13 +379,13 @@ class TraceOptions(OptionGroup):
     period: float | None = None
 
     def reading(self) -> Reading:
-        """Return the options for reading and evaluating files."""
+        """Return the options for reading and evaluating recordings."""
         from hdassist.measuring.measure import Reading
 
         return replace(self.only(Reading), budget=tuple(self.budget))
 
     def words_of_reading(self) -> list[str]:
-        """Return the given options as a following command on the same file takes them."""
+        """Return the given options as text, to be repeated in the next command on the same file."""
         return [self.typed(name, value) for name, value in self.only(TraceOptions).given()]
 
 
@@ -394,7 +396,7 @@ class SignOptions(OptionGroup):
     cam_sense: Literal["ccw", "cw"] = "ccw"
 
     def alignment(self) -> Alignment:
-        """Return the sign conventions, with both angles given as 0."""
+        """Return the sign conventions, with start and zero given as 0."""
         from hdassist.comparing.record import Alignment
 
         sign = 1.0 if self.error_is == "cam-output" else -1.0
@@ -402,7 +404,7 @@ class SignOptions(OptionGroup):
 
 
 class CardOptions(OptionGroup):
-    """Options for an assembly card besides the result."""
+    """Options for an assembly card, which is written in addition to the result."""
 
     card: str | None = None
     lang: str | None = None
@@ -417,14 +419,15 @@ class TrialOptions(OptionGroup):
     sure: float | None = None
 
     def torque_of(self, torques: Sequence[float]) -> float:
-        """Return the torque of the measured values [N*m], for a drive with the given torques."""
+        """Return the torque of the measured values [N*m]: --trial-torque, or the smallest torque of the drive."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:
-    """Return the limits from the command line, with those for all torques first.
+    """Return the limits from the command line, those for all torques first.
 
-    only: name of the only limit that the command uses; empty for any limit.
+    texts: limits as entered.
+    only: name of the quantity whose limits the command uses; empty if it uses all limits.
     Raises UsageError for a text that is not a limit, and for a limit that the command does not use.
     """
     from hdassist.acceptance.limits import LimitText
@@ -437,7 +440,7 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
 
 
 def _is_no_load(text: str) -> bool:
-    """Return whether a torque on the command line is 0, in any unit. Raises UsageError for an invalid torque."""
+    """Return whether a torque from the command line is 0 in any unit. Raises UsageError for an invalid torque."""
     from hdassist.preset.knowledge import option_value
 
     return option_value("--torque", text, "N*m") == 0
@@ -458,7 +461,7 @@ def _no_load_of(preset: str, overrides: Sequence[str]) -> float:
 
 
 def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
-    """Return a drive with a warning that states at which torque [N*m] it is computed without load."""
+    """Return the drive with a warning about no_load_Nm, the torque [N*m] at which it is computed without load."""
     from hdassist.loading import with_warning
 
     text = (
@@ -469,10 +472,10 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
 
 
 def torque_overrides(texts: Sequence[str | None]) -> list[str]:
-    """Return torques from the command line, such as 80 or '80 N·m', as an override of the preset.
+    """Return a list with the override of the preset by torques from the command line; empty without torques.
 
-    texts: torques; None for options that were not given.
-    Raises UsageError for any other text, or 0.
+    texts: torques, such as 80 or '80 N·m'; None for an option that was not given.
+    Raises UsageError for an invalid torque, or 0.
     """
     from hdassist.preset.knowledge import option_value
 
@@ -486,7 +489,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
 
 
 def degrees_or_fit(option: str, text: str) -> float | None:
-    """Return an angle on the command line [deg], None for fit. Raises UsageError for any other text."""
+    """Return an angle [deg] from the command line, None for the word fit. Raises UsageError for any other text."""
     if text == "fit":
         return None
     angle = number_of(text)
@@ -496,7 +499,7 @@ def degrees_or_fit(option: str, text: str) -> float | None:
 
 
 def note_teeth(measured: MeasuredTeeth | None) -> None:
-    """Report assumptions about measured wheels on standard error."""
+    """Report the assumptions about measured teeth on standard error."""
     from hdassist.terminal.words import WHEEL_WORDS
 
     for name, wheel in measured.by_name.items() if measured else ():
@@ -505,12 +508,12 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 
 
 def stdin_once(*names: str | None) -> None:
-    """Raise UsageError if standard input is named twice."""
+    """Raise UsageError if more than one of the names is standard input."""
     if names.count("-") > 1:
         raise UsageError("standard input can be read only once")
 
 
 _OF_PAGES = (RowsOptions, CardOptions)  # groups of options for the output, which do not affect the result
-# options that are stated together with the drive
+# options that a next command states with the drive
 _OF_DRIVES = {"preset", "presets", "files", "overrides", "torque", "limit"}
 _OF_RUNS = {"jobs", "executor", "junit", "write"}

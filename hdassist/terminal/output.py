@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from hdassist.run.run import Run
 
 
-_WIPED = b"\r\x1b[2K\x1b[?25h"  # clears the line of a bar and shows the cursor
-BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
-_TASK: Any = 0  # the only task of a bar
-_REDRAWN = 0.1  # s between two redraws of a bar
-_BAR_STYLES = {  # styles of rich, whose default colours would suggest a verdict here
+_WIPED = b"\r\x1b[2K\x1b[?25h"  # control codes that clear the line of a bar and show the cursor
+BAR_PATIENCE = 0.5  # s; duration of work after which a progress bar with a total appears
+_TASK: Any = 0  # identifier of the only task of a bar
+_REDRAWN = 0.1  # s; shortest time between two redraws of a bar
+_BAR_STYLES = {  # replace default colours of rich, which would suggest a verdict
     **dict.fromkeys(("bar.complete", "bar.finished", "progress.remaining"), "none"),
     "bar.back": "color(245)",
     "bar.pulse": "color(250)",
@@ -76,20 +76,20 @@ class Output:
     _bars: list[ProgressBar] = field(default_factory=list)  # the bar in use, if any
 
     def human(self, answer: RenderableType) -> None:
-        """Write the result for people."""
+        """Write a result in readable form, with colours if the stream accepts them."""
         if self.style.codes:
             console(sys.stdout, self.style).print(answer)
             return
         self.text(self.page(answer))
 
     def page(self, answer: RenderableType) -> str:
-        """Return the result for people as plain text."""
+        """Return a result in readable form as plain text."""
         page = io.StringIO()
         console(page, replace(self.style, codes=False)).print(answer)
         return "\n".join(line.rstrip() for line in page.getvalue().splitlines()).rstrip() + "\n"
 
     def text(self, answer: str) -> None:
-        """Write a result in text form, with hidden characters escaped; JSON contains none."""
+        """Write a text to the file of the result, with hidden characters escaped."""
         write_text(self.target, visible(answer), self.force)
 
     @contextmanager
@@ -99,10 +99,10 @@ class Output:
         states: int,
         options: object,
     ) -> Iterator[Run]:
-        """Yield a run for work of a number of states, with a progress bar and a text.
+        """Yield a run for solving a number of states, with a progress bar.
 
-        Processes, seed and cross-check solver are those of the command's options. If a slow solver solves each state,
-        the work is done in this process, which shows its progress.
+        The options of the command determine processes, seed and cross-check solver. If they name a solver for all
+        states, the work is done in this process, because this solver is slow and its progress must be visible.
 
         words: text beside the bar.
         states: number of states.
@@ -122,7 +122,7 @@ class Output:
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
-        """Yield the executor named in the options of a command; None for own processes on this machine."""
+        """Yield the executor named in the options of a command; None if they name none."""
         from hdassist.run.run import cluster
         from hdassist.solve.walk import installation
 
@@ -134,7 +134,7 @@ class Output:
 
     @contextmanager
     def workers(self, options: object) -> Iterator[Executor]:
-        """Yield the executor named in the options of a command, or own processes on this machine."""
+        """Yield the executor named in the options of a command, or else an executor of processes on this machine."""
         from hdassist.run.run import workers
 
         with (
@@ -145,13 +145,13 @@ class Output:
 
     @contextmanager
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
-        """Yield a progress bar with the remaining time, which is shown only on a terminal.
+        """Yield a progress bar with the remaining time; only a terminal shows the bar.
 
-        Without a total the bar appears at once, otherwise after BAR_PATIENCE of work. Within another bar, that bar
-        continues with the new text and total.
+        Without a total, the bar appears at once; with a total, it appears after BAR_PATIENCE. Within the context of
+        another bar, the other bar continues with the new text and total.
 
         words: text beside the bar.
-        total: total work, None if it is not known yet.
+        total: total amount of work, None if it is not known yet.
         """
         if self._bars:
             self._bars[0].expect(words, total)
@@ -161,7 +161,7 @@ class Output:
         bar = ProgressBar(_bar(style) if style.codes else None, style)
         self._bars.append(bar)
         try:
-            with at_stop(bar.wipe):  # registered before the bar is shown
+            with at_stop(bar.wipe):  # the bar is cleared even if the process is stopped
                 bar.expect(words, total)
                 yield bar
         finally:
@@ -170,9 +170,9 @@ class Output:
 
 
 class ProgressBar:
-    """A progress bar with one task, which is called with completed work.
+    """Progress bar of a single task; a call with an amount of completed work advances the bar.
 
-    bar: the bar of rich; None if the output is not a terminal.
+    bar: progress bar of rich; None if standard error is not a terminal.
     style: style of the text.
     """
 
@@ -182,7 +182,7 @@ class ProgressBar:
         self._next = time.monotonic() + BAR_PATIENCE  # earliest time of the next redraw
 
     def __call__(self, done: int) -> None:
-        """Advance by completed work."""
+        """Advance the bar; done: amount of work completed since the last call."""
         if self._bar:
             self._bar.advance(_TASK, done)
             if (now_s := time.monotonic()) > self._next:
@@ -191,7 +191,7 @@ class ProgressBar:
                 self._bar.refresh()
 
     def expect(self, words: str, total: int | None = None) -> None:
-        """Start work with a total and a text beside the bar; without a total the bar is shown at once."""
+        """Restart the bar with a text and a total; without a total, the bar appears at once."""
         if self._bar:
             if not self._bar.tasks:
                 self._bar.add_task("")
@@ -205,9 +205,9 @@ class ProgressBar:
                 self._bar.refresh()
 
     def wipe(self) -> None:
-        """Clear the line of the bar, which is not shown again."""
+        """Clear the line of the bar before the process ends."""
         if self._bar and self._bar.live.is_started:
-            os.write(2, _WIPED)  # bypasses rich, which escapes control codes while its bar is shown
+            os.write(2, _WIPED)  # written directly, because rich escapes control codes while its bar is shown
 
     def end(self) -> None:
         """Remove the bar."""
@@ -228,19 +228,19 @@ def _bar(style: Style) -> Progress:
         TimeRemainingColumn(),
         console=screen,
         transient=True,
-        auto_refresh=False,  # avoids a thread of the bar, with which processes could not be forked
-        redirect_stdout=sys.stdout.isatty(),  # keeps printed lines above the bar; output to a file is not redirected
+        auto_refresh=False,  # avoids a thread, because a process with threads must not be forked
+        redirect_stdout=sys.stdout.isatty(),  # keeps lines printed on the terminal above the bar
     )
 
 
 def complain(error: HdassistError, about: str = "") -> None:
-    """Write an error with its hint to standard error."""
+    """Write an error with its hint to standard error; about: name of the item that caused the error."""
     where = f"{about}: " if about else ""
     say(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
 
 
 def with_code(hint: str, fault: Fault) -> str:
-    """Return a hint with the command that explains errors of its kind."""
+    """Return a hint followed by the command that explains the kind of error."""
     return f"{hint} (hdassist explain {fault})" if hint else f"hdassist explain {fault}"
 
 
@@ -263,7 +263,7 @@ def envelope(
     exit_code: int = 0,
     warnings: Sequence[str] = (),
 ) -> Json:
-    """Return the keys common to all results of a command; drive: subject of the result, None without one."""
+    """Return the keys that the JSON results of all commands share; drive: subject of the result, if it is a drive."""
     origin = drive.origin if drive else None
     return {
         **_head(command),
@@ -278,7 +278,7 @@ def envelope(
 
 
 def report_object(report: Report) -> Json:
-    """Return a report as a JSON object."""
+    """Return the JSON object of a report, with its certificate if it has one."""
     answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
     if report.certificate:
         answer["certificate"] = certificate_object(report.certificate, report.cross_checks)
@@ -292,11 +292,12 @@ def failure(
     preset: str | None = None,
     file: str | None = None,
 ) -> Json:
-    """Return the result for a drive or a file that could not be processed, with its error.
+    """Return the JSON result for a preset or a file that could not be processed.
 
     command: name of the command.
-    error: the error.
-    preset, file: requested names.
+    error: error that prevented the processing.
+    preset: requested preset, None if a file was requested.
+    file: requested file, None if a preset was requested.
     """
     return {
         **_head(command),
@@ -309,12 +310,12 @@ def failure(
 
 
 def combine(command: str, results: Sequence[Json]) -> Json:
-    """Return one object for all results: the result itself if there is only one, otherwise a list of results."""
+    """Return a single result unchanged, or one JSON object that contains the list of several results."""
     return results[0] if len(results) == 1 else together(command, results)
 
 
 def together(command: str, results: Sequence[Json]) -> Json:
-    """Return one object with a list of one or more results; its exit code is the worst of them."""
+    """Return one JSON object that contains the list of results and the worst of their exit codes."""
     return {
         **_head(command),
         "exit_code": worst_exit_code(result["exit_code"] for result in results),
@@ -324,7 +325,7 @@ def together(command: str, results: Sequence[Json]) -> Json:
 
 
 def json_text(answer: Json) -> str:
-    """Return a result as text, without NaN or Infinity."""
+    """Return a result as JSON text; NaN and Infinity raise ValueError because JSON has no such numbers."""
     return (
         printable(
             json.dumps(
@@ -339,9 +340,9 @@ def json_text(answer: Json) -> str:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV with one header line, plain newlines and full precision; missing values are empty.
+    """Return a table as CSV with one header line and numbers in full precision; missing values are empty.
 
-    Texts are made harmless: hidden characters are escaped, and an apostrophe precedes formulas of spreadsheets.
+    In texts, hidden characters are escaped, and an apostrophe precedes anything that a spreadsheet would evaluate.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -351,7 +352,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """Return a cell with numbers unchanged and text made harmless."""
+    """Return the cell of a CSV file: a number unchanged, and a text so that no spreadsheet evaluates it."""
     if value is None or isinstance(value, Number):
         return "" if value is None else value
     text = visible(str(value))
@@ -368,24 +369,24 @@ def run_each(
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
 ) -> list[Report]:
-    """Return the reports on presets or files in sequence; an error becomes the result of its item.
+    """Return the reports on presets or files in sequence; the report on a failed item contains its error.
 
-    In a list of several items, each line of a report begins with its name.
+    For several items, each line for -q begins with the name of the item.
 
-    command: command in the schema of failures.
+    command: command named in the schema of failures.
     names: presets or files.
     one: function that returns the report on an item.
-    out: the output.
+    out: output of the command.
     kind: kind of the items.
-    failed: function that returns the JSON of an item without a result.
-    keep_failures: whether the error of a single item is also a result if JSON was not requested.
-    Raises any UsageError at once, the error of a single item, and with --debug any error.
+    failed: function that returns the JSON result of a failed item, None for the usual result.
+    keep_failures: whether the error of a single item gives a report even if JSON was not requested.
+    Raises any UsageError at once. Raises other errors only for a single item, or with --debug.
     """
     reports: list[Report] = []
     for name in names:
         begun = time.monotonic()
         try:
-            with out.progress(name) if name else nullcontext():  # shows a text before numpy is imported
+            with out.progress(name) if name else nullcontext():  # the name is shown while numpy is imported
                 report = one(name)
         except HdassistError as error:
             is_ended = len(names) == 1 and not (out.json or keep_failures)
@@ -414,7 +415,7 @@ def _note_time(
     begun: float,
     name: str,
 ) -> None:
-    """Report the duration of a report since `begun` [s], its residuals and its engine on standard error."""
+    """Write the duration of a report, its residuals and its engine to standard error; begun: starting time [s]."""
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
     from hdassist.terminal.words import proof
@@ -436,13 +437,13 @@ def give(
     more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
 ) -> int:
-    """Write warnings, reports as JSON, pages or lines, and tables, and return the worst exit code.
+    """Write the warnings, the reports (as JSON, pages or lines) and the CSV table, and return the worst exit code.
 
-    command: command in the schema of several reports.
-    reports: the reports; those without a head have no page.
-    out: the output.
-    more: JSON keys about all reports.
-    below: lines below all pages.
+    command: command named in the schema of several reports.
+    reports: reports; a report without a head has no page.
+    out: output of the command.
+    more: additional JSON keys that concern all reports.
+    below: lines printed below all pages.
     """
     for report in reports:
         for text in report.warnings:
@@ -465,7 +466,7 @@ def _give_pages(
     out: Output,
     below: Sequence[str],
 ) -> None:
-    """Write the pages of reports, separated by empty lines; below: lines below all pages."""
+    """Write the pages of reports, separated by empty lines; below: lines printed below all pages."""
     from rich.console import Group
 
     from hdassist.terminal.page import report_page

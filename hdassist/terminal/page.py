@@ -43,45 +43,45 @@ DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,
     Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
 }
-_RESIDUALS = {  # residuals of a certificate, each relative to its scale
+_RESIDUALS = {  # names of the residuals in a certificate, each relative to its scale
     "negative_force": "negative force",
     "negative_gap": "negative gap",
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
 _ASCII_HEAD = box.Box(str(box.SIMPLE_HEAD).replace("─", "-"), ascii=True)
-_OCHRE = "color(136)"  # between green and red, and legible on white and black, unlike a terminal's yellow
-# styles by tone
+_OCHRE = "color(136)"  # a colour between green and red; unlike yellow, it is legible on white and on black
+# rich styles of verdicts, by tone
 _STYLES = {"good": "bold green", "bad": "bold red", "open": f"bold {_OCHRE}", "loud": "bold", "quiet": "dim"}
-# replaces a space without a line break, because rich breaks lines at Unicode's no-break spaces; no text contains it
+# replaces each space at which a line must not break, because rich breaks lines even at no-break spaces
 _UNBROKEN = "\ufffe"
-_UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # units, also in 7 bits, and the Russian N*m
+_UNIT = r"[%″°]|N[·*]m|\u041d[·*]\u043c|µm|um\b|deg\b|arcsec\b"  # units in Unicode and ASCII, and the Russian N*m
 _SPACE_IN_NUMBER = re.compile(rf"(?<=[\d,]) (?={_UNIT})|(?<=[±≤≥<>]) (?=\d)")  # space before a unit or after a sign
-_COMMAND = re.compile("hdassist [a-z]")  # a command, unlike a line that begins with the version
-_SPACE_IN_QUOTES = {  # spaces in quotes, by the kind of quote: an odd number of quotes follows
+_COMMAND = re.compile("hdassist [a-z]")  # start of a command, but not of a line with the version
+_SPACE_IN_QUOTES = {  # space in quotes, by quote: an odd number of quotes follows
     "'": re.compile(r" (?=[^']*'(?:[^']*'[^']*')*[^']*$)"),
     '"': re.compile(r' (?=[^"]*"(?:[^"]*"[^"]*")*[^"]*$)'),
 }
 _SPACE_BEHIND_OPTION = re.compile(r"(?<= )(--?[a-z][a-z-]*) (?=[^- ]\S{,39}(?: |$))")  # space before a short value
 _GAP = f"[ {_UNBROKEN}]"
-_NUMBERS_WITH_UNIT = (  # numbers in the reasons of a report
+_NUMBERS_WITH_UNIT = (  # numbers that are bold in the reasons of a report
     rf"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:{_GAP}?[%″°]|{_GAP}N·m(?:/rad)?)?(?!\w)"
 )
-_ANY_WIDTH = 100_000  # columns, more than any table needs
-_LONGEST_WORD = 30  # largest width of a word that is not broken, in columns
-_PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # texts for verdicts whose own word is too short
+_ANY_WIDTH = 100_000  # columns; a width that exceeds that of any table
+_LONGEST_WORD = 30  # columns; largest width of a word that is never broken
+_PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # texts that replace verdicts on pages
 
 
 class _PageText(Text):
-    """Text that wraps at its spaces, except between a number and its sign or unit.
+    """Text that wraps at spaces, but not between a number and its sign or unit.
 
-    A command wraps between its arguments, and within quotes only if an argument is longer than a line. Its lines end in
-    the shell's sign of continuation.
+    A command wraps between arguments, and within quotes only if an argument is longer than a line. The lines of a
+    command, except the last, end with the continuation character of the shell.
     """
 
     def __init__(self, text: str, style: str = "") -> None:
         is_command = bool(_COMMAND.match(text))
-        # a broken quoted argument could not be copied
+        # an argument in quotes could not be copied if it were broken
         if is_command:
             text = _SPACE_IN_QUOTES[command_quote()].sub(_UNBROKEN, text)
             text = _SPACE_BEHIND_OPTION.sub(rf"\1{_UNBROKEN}", text)
@@ -89,10 +89,10 @@ class _PageText(Text):
         self._ending = broken_line_end() if is_command else ""
 
     def wrap(self, console: Console, width: int, **options: Any) -> RichLines:
-        """Return the lines of a given width as rich lines."""
-        # continuation sign of the shell
+        """Return the text as rich lines of at most the given width."""
+        # only a command that needs several lines has a continuation character
         ending = self._ending * (self.cell_len > width)
-        # an argument longer than a line must break somewhere
+        # if an argument is longer than a line, all spaces may break
         if ending and max(map(cell_len, self.plain.split())) > width - len(ending):
             self.plain = self.plain.replace(_UNBROKEN, " ")
         lines = super().wrap(
@@ -104,19 +104,22 @@ class _PageText(Text):
         for line in lines:
             quotes += line.plain.count(command_quote())
             line.plain = line.plain.replace(_UNBROKEN, " ")
-            # within quotes, a backslash would be part of the argument
+            # within quotes, the continuation character would be part of the argument
             if ending and quotes % 2 == 0 and line is not lines[-1]:
                 line.plain = line.plain.rstrip() + ending
         return lines
 
     def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        """Return the required and the full width; a path longer than _LONGEST_WORD may be broken."""
+        """Return the smallest and the full width; a word longer than _LONGEST_WORD may be broken."""
         needed, taken = super().__rich_measure__(console, options)
         return Measurement(min(needed, _LONGEST_WORD), taken)
 
 
 def _why_lines(report: Report, style: Style) -> list[_PageText]:
-    """Return the reasons of a report with bold numbers, and a gap below them or above a titled table."""
+    """Return the reasons of a report with bold numbers, followed by an empty line.
+
+    Without reasons, the empty line is needed only above a table with a title.
+    """
     why = [_PageText(style.text("\n".join(report.why)))] if report.why else []
     is_titled = any(isinstance(block, Table) and block.title for block in report.blocks[:1])
     if why or is_titled:
@@ -133,7 +136,7 @@ def report_page(
     plots: bool = True,
     details: bool = False,
 ) -> RenderableType:
-    """Return a report for people.
+    """Return a report as a page for the terminal.
 
     plots: whether figures are drawn.
     details: whether details are shown.
@@ -141,25 +144,25 @@ def report_page(
     head = _PageText(style.text(report.head), "bold")
     if report.verdict:
         head.append(": ").append(word(report.verdict, style))
-    # the short page names the option that shows the details
+    # the last line of the short page names the option that shows the details
     further_blocks = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(further_blocks if details else ())]
     hidden = "" if details or not further_blocks else "--details"
     proven = proof(report.certificate, report.cross_checks)
-    # last line of every page with solved states
+    # every page with solved states ends with the line on the verification
     verified = ("verified", f"{proven} ({hidden})" if hidden else proven)
     last = Facts.of([verified if proven else ("more", hidden)])
-    # each block is followed by a gap
+    # an empty line follows each block
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve):
-        lines = lines[:-1]  # below an axis, its label is enough of a gap
+        lines = lines[:-1]  # after a plot, the label of its axis separates the blocks
     why = _why_lines(report, style)
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 
 def word(verdict: str, style: Style) -> Text:
-    """Return a verdict as shown on a page, in the colour of its tone; any other text is unchanged."""
+    """Return a verdict as text for a page, in the colour of its tone; other texts are unchanged and have no colour."""
     return _PageText(style.text(_PAGE_WORDS.get(verdict, verdict)), _STYLES.get(tone_of(verdict), ""))
 
 
@@ -168,7 +171,10 @@ def block_on_page(
     style: Style,
     plots: bool = True,
 ) -> Iterator[RenderableType]:
-    """Yield a block in characters; nothing for an empty block, or for a figure without plots."""
+    """Yield the parts of a block in text characters; an empty block has no parts.
+
+    plots: whether figures are drawn.
+    """
     match block:
         case Paragraph():
             yield _PageText(style.text(block.text))
@@ -191,12 +197,12 @@ def block_on_page(
 
 
 def in_characters(block: Figure, style: Style) -> str:
-    """Return a figure drawn in text characters; warn on standard error and return "" if it cannot be drawn."""
+    """Return a figure drawn in text characters, or an empty text with a warning on standard error if drawing fails."""
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
 def _labelled(block: Facts, style: Style) -> RichTable:
-    """Return labelled lines; wrapped text stays beside its label, and labels wider than half a page wrap."""
+    """Return facts as a table of labels and texts; a text wraps beside its label, and a label wraps at half a page."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
     grid.add_column(no_wrap=max(cell_len(label) for label, _ in block.rows) <= style.width // 2)
     grid.add_column(overflow="fold")
@@ -208,14 +214,17 @@ def _labelled(block: Facts, style: Style) -> RichTable:
 
 
 def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
-    """Yield a table, a tight table if it would be too wide, or several tables with the same first column."""
-    # the console measures tables before one is chosen
+    """Yield a table that fits the page: with wide columns, with tight columns, or split into several tables.
+
+    Each of several tables repeats the first column.
+    """
+    # the console measures the width of each form of the table
     screen = console(sys.stdout, style)
     options = screen.options.update(width=_ANY_WIDTH)
     title = _PageText("\n".join(style.text(line) for line in (block.title, *block.notes) if line))
     title.stylize("bold", 0, len(style.text(block.title)))
     columns_left = list(range(1, len(block.heads)))
-    # a table that is too wide for the page continues below, with its first column repeated
+    # columns without room continue in a table below, which repeats the first column
     while columns_left or title:
         narrower = [(columns_left, {}), (columns_left, {"is_tight": True})]
         narrower += [
@@ -258,7 +267,7 @@ def _table(
     for k in columns:
         head, *cells = (style.text(_PAGE_WORDS.get(row[k], row[k])) for row in (block.heads, *block.rows))
         is_words = k in block.words
-        # "12 (10 to 15)" becomes two lines
+        # "12 (10 to 15)" is split into two lines
         if folds and not is_words:
             cells = [cell.replace(" (", "\n(") for cell in cells]
         lines = [line for cell in cells for line in cell.split("\n")]
@@ -268,7 +277,7 @@ def _table(
                 max(1, *map(cell_len, (*lines, *head.split()))),
                 break_on_hyphens=False,
             )
-        # numbers never break
+        # a cell with numbers never wraps
         wraps = is_words and any(" " in cell for cell in (head, *cells))
         least = None if wraps else max(map(cell_len, (*head.split("\n"), *lines)))
         justify: JustifyMethod = "left" if is_words else "right"
@@ -286,7 +295,7 @@ def _table(
 
 
 def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
-    """Yield the residuals of a report's mesh positions with their bounds; nothing for a report without certificate."""
+    """Yield the residuals of the mesh positions with their bounds; nothing for a report without a certificate."""
     if isinstance(found, Certificate):
         rows = [
             ("mesh positions solved", f"{found.states}"),

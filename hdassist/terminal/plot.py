@@ -16,14 +16,14 @@ from hdassist.terminal.streams import Style
 _PlotValues = NDArray[np.float64]
 _Dots = NDArray[np.bool_]
 
-_FLAT = 1e-9  # largest relative variation of a curve that counts as flat
-_FAR = 0.5  # largest distance of a limit or zero from the curve at which it is drawn, in heights of the figure
-_TALL = 40  # lines of a terminal with room for taller plots
-_TALL_ROWS = 12  # rows of a plot on a tall terminal
-_FINEST_PARTS = 5  # largest number of rows between two numbers of the vertical axis
-_DASH = 8  # period in dots of the dashed second series, half of which is drawn
-_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-_UNBROKEN = "\xa0"  # no-break space between a sign of the legend and its text
+_FLAT = 1e-9  # largest relative variation of a curve that is drawn as flat
+_FAR = 0.5  # largest distance from the curve, in heights of the curve, at which a limit or 0 is included in the plot
+_TALL = 40  # smallest number of lines of a terminal on which plots are taller
+_TALL_ROWS = 12  # smallest upper limit of the rows of a plot on such a terminal
+_FINEST_PARTS = 5  # largest number of rows from one number on the vertical axis to the next
+_DASH = 8  # period, in dots, of the dashes of the second series; half of it is drawn
+_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # bits of a braille character
+_UNBROKEN = "\xa0"  # no-break space between the sign of a mark and its text in the legend
 MARK_SIGNS = {
     "now": "N",
     "best": "B",
@@ -35,20 +35,20 @@ MARK_SIGNS = {
 }  # the same signs as on the seat
 SEAT_WIDTH = 41  # width of the drawing in characters
 _SEAT_HEIGHT = 15  # height of the drawing in characters
-_NUMBERED_IN_TEXT = 24  # number of holes up to which all are numbered
+_NUMBERED_IN_TEXT = 24  # largest number of holes at which every hole is numbered
 _LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # radius of the letters of directions
 
 
 def curve(style: Style, drawn: Curve) -> str:
-    """Return a curve with numbered axes, as lines without a final newline.
+    """Return a plot of a curve with numbered axes as text, without a final newline.
 
-    Where points are dense, the range from minimum to maximum is drawn. The second of two series is dashed, with a
-    legend above the plot. The legend of marks is below it.
+    Where points are dense, the plot shows the range from minimum to maximum. The second of two series is dashed. The
+    legend of the series is above the plot, and the legend of the marks is below the plot.
     """
     frame = _Frame.around(style, drawn)
     # a character contains 4 x 2 braille dots
     fine = frame if style.ascii else frame.finer(_DOTS.shape)
-    # if several points share a column, a line is drawn from the smallest to the largest value
+    # a column with several points shows a line from the smallest to the largest value
     dots, *further_series = (
         np.logical_or.reduce(
             [
@@ -60,13 +60,13 @@ def curve(style: Style, drawn: Curve) -> str:
     )
     title = drawn.y_label
     under = dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
-    # intervals at points are vertical lines
+    # the interval at a point is drawn as a vertical line
     for x, *ends in drawn.whiskers:
         column, (last, first) = fine.place(x, ends)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
     for dots_of_series in further_series:
-        # the first series is on top
+        # where both series overlap, only the first is visible
         second = dots_of_series & ~dots
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
@@ -74,7 +74,7 @@ def curve(style: Style, drawn: Curve) -> str:
             cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % _DASH < _DASH // 2)))
         looks = ("* ", "o ") if style.ascii else (f"⠒⠒⠒{_UNBROKEN}", f"⠒⠒{_UNBROKEN}⠒⠒{_UNBROKEN}")
         title += ": " + ", ".join(look + name for look, name in zip(looks, drawn.names, strict=True))
-    # marks are drawn last to keep them visible
+    # marks are drawn last, because curves would cover them
     for mark in drawn.marks:
         column, row = frame.place(mark.x, mark.y)
         cells[row][column] = sign(mark, style)
@@ -94,7 +94,7 @@ class _Rows:
     height: difference between the values of adjacent rows.
     last: value of the lowest row divided by the height.
     count: number of rows.
-    parts: number of rows from one numbered row to the next.
+    parts: number of rows from each numbered row to the next.
     """
 
     height: float
@@ -109,9 +109,10 @@ class _Rows:
         high: float,
         row_limit: int,
     ) -> _Rows:
-        """Return the rows that show the interval from low to high as large as possible.
+        """Return the axis that shows the interval from low to high and has the most rows up to the limit.
 
-        At least two rows are numbered. Among equal numbers of rows, those with every second row numbered are preferred.
+        At least two rows are numbered. Of axes with equal numbers of rows, one with every second row numbered is
+        preferred.
 
         low: smallest value to be shown.
         high: largest value to be shown, above low.
@@ -138,7 +139,7 @@ class _Rows:
 
     @property
     def numbered(self) -> dict[int, str]:
-        """Numbers of the axis by row, counted from the top."""
+        """Numbers on the axis, by the index of the row from the top."""
         first = self.last + self.count - 1
         return {first - k: f"{k * self.height:.10g}" for k in range(self.last, first + 1) if k % self.parts == 0}
 
@@ -147,11 +148,11 @@ class _Rows:
 class _Frame:
     """Numbered axes around a plot.
 
-    figure: the curve.
+    figure: plotted curve.
     low, high: values at the lower and the upper edge.
     columns, rows: size of the plot.
     margin: width of the numbers beside the plot.
-    numbers: numbers of the vertical axis, by row.
+    numbers: numbers on the vertical axis, by row.
     """
 
     figure: Curve
@@ -164,7 +165,7 @@ class _Frame:
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
-        """Return the axes for all values of a figure, and for its limit and 0 if they are near."""
+        """Return axes that show all values of a figure, and also its limit and 0 if these are near the values."""
         low, high = figure.extent
         if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low = low - 1
@@ -190,7 +191,7 @@ class _Frame:
         )
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
-        """Return the frame in dots; cell: rows and columns of dots per character."""
+        """Return the frame with its size in dots; cell: numbers of dot rows and dot columns per character."""
         return replace(
             self,
             columns=self.columns * cell[1],
@@ -198,15 +199,18 @@ class _Frame:
         )
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the columns and rows of points."""
+        """Return the columns and the rows in which points lie; points outside the plot lie at its edges."""
         first = self.figure.x[0]
         span = max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
-        row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # row of its dots
+        row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # counted from the top
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
-        """Return a line through points, shape (rows, columns), straight between distant points, with a gap at NaN."""
+        """Return the dots of a line through points, shape (rows, columns), with a gap at NaN.
+
+        Between distant points, the line is straight.
+        """
         if len(x) < self.columns:
             finer_x = np.linspace(x[0], x[-1], 4 * self.columns)
             y = np.interp(finer_x, x, y)
@@ -214,7 +218,7 @@ class _Frame:
         is_finite = np.isfinite(y)
         place, row = self.place(x[is_finite], y[is_finite])
         dots = np.zeros((self.rows, self.columns), dtype=bool)
-        last: list[int] = []  # row in the previous column; joining it closes the gaps of a steep curve
+        last: list[int] = []  # row in the previous column; dots from this row close the gaps of a steep curve
         for column in range(self.columns):
             inside = row[place == column].tolist()
             if inside:
@@ -229,7 +233,7 @@ class _Frame:
         title: str,
         x_label: str,
     ) -> str:
-        """Return the plot with axes, their numbers and labels, and the figure's limit."""
+        """Return the plot as text: the cells with axes, numbers, labels and, if there is one, the limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure = self.figure
         numbers = {row: f"{number} {mark}" for row, number in self.numbers.items()}
@@ -256,7 +260,7 @@ class _Frame:
         floor: str,
         words: str,
     ) -> None:
-        """Draw the limit across the plot, with its number at the end that the curve leaves free."""
+        """Draw the limit as a line across the plot; words: number of the limit, written at a free end of the line."""
         row = cells[int(self.place(self.figure.x[0], self.figure.limit or 0.0)[1])]
         places = [range(self.columns - len(words), self.columns), range(len(words))]
         free = next((place for place in places if all(row[k] == " " for k in place)), places[0])
@@ -276,7 +280,7 @@ class _Frame:
 
 
 def dots_to_braille(dots: _Dots) -> list[list[str]]:
-    """Return a grid of dots as characters, each with four rows and two columns."""
+    """Return a grid of dots as rows of braille characters, each with four rows and two columns of dots."""
     rows = dots.shape[0] // 4
     columns = dots.shape[1] // 2
     codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))
@@ -289,10 +293,14 @@ def least_and_greatest(
     columns: int,
     over: float,
 ) -> list[tuple[_PlotValues, _PlotValues]]:
-    """Return two lines with one point per column: minimum and maximum of y within a length of x.
+    """Return two lines with one point per column: minimum and maximum of y within a window of x.
 
-    The length is at least one column. At the edges, the values are those of the first and the last such length. Gaps
-    are NaN.
+    At the ends of x, the window is moved to lie within x. A window without points gives NaN.
+
+    x: increasing values.
+    y: values at x.
+    columns: number of columns.
+    over: width of the window, which is at least the width of a column.
     """
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)
@@ -311,7 +319,7 @@ def ticks(
     high: float,
     count: int,
 ) -> list[float]:
-    """Return round numbers that enclose low and high, with at most `count` steps."""
+    """Return evenly spaced round numbers that enclose low and high; count: largest number of steps from low to high."""
     if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
         low = low - 1
         high = high + 1
@@ -324,9 +332,12 @@ def ticks(
 
 
 def seat_in_characters(seat: Seat) -> str:
-    """Return the seat seen from the wave generator side, without its legend; the best hole is in brackets."""
+    """Return a drawing of the seat in text characters, without legend; brackets enclose the best hole.
+
+    The seat is seen from the wave generator side.
+    """
     canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
-    # with many holes, only some numbers have room
+    # if there are too many holes, only every second, third, ... hole has a number
     number_step = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
     goals = [place.angle_deg for place in seat.places if place.kind == "best"]
     for hole in seat.holes:
@@ -334,10 +345,10 @@ def seat_in_characters(seat: Seat) -> str:
         if any(abs(hole.angle_deg - goal) < 1e-6 for goal in goals):
             label = f"[{hole.number}]"
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
-    # a free seat has ticks in place of holes
+    # a seat without holes has ticks instead
     for k in range(0 if seat.holes else _NUMBERED_IN_TEXT):
         _put(canvas, seat.first_deg + 360 * k / _NUMBERED_IN_TEXT, ".", 1.0)
-    # letters at the same angle are placed side by side
+    # letters at the same angle are written side by side
     for angle in dict.fromkeys(place.angle_deg for place in seat.places):
         letters = [place.letter for place in seat.places if place.angle_deg == angle]
         _put(canvas, angle, "".join(letters), 0.72)

@@ -58,7 +58,7 @@ class Style:
         ascii: bool = False,
         no_color: bool = False,
     ) -> Style:
-        """Return the style of a stream from its terminal, the environment and the options that override it."""
+        """Return the style of a stream, determined from its terminal, the environment and the options."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         columns = os.environ.get("COLUMNS", "")
@@ -75,7 +75,7 @@ class Style:
         )
 
     def text(self, text: str) -> str:
-        """Return a text that the stream can show, with control characters escaped."""
+        """Return a text that the stream can show: control characters are escaped, and unsupported ones replaced."""
         text = visible(text)
         if not self.ascii:
             return re.sub(r"\bum\b", "µm", text.replace("N*m", "N·m"))
@@ -95,7 +95,7 @@ def _shows_unicode(stream: TextIO) -> bool:
 
 
 def stderr_style(*, no_color: bool = False) -> Style:
-    """Return the style of standard error; --ascii is searched in sys.argv because messages may precede the options."""
+    """Return the style of standard error; --ascii is read from sys.argv, because messages may precede the options."""
     return Style.of(
         sys.stderr,
         ascii="--ascii" in sys.argv,
@@ -104,14 +104,15 @@ def stderr_style(*, no_color: bool = False) -> Style:
 
 
 def silence(stream: TextIO | None = None) -> None:
-    """Discard further output on a stream (stdout by default) whose reader has gone, without changing the exit code."""
+    """Discard further output to a stream that cannot be written, stdout by default, without changing the exit code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
 def say(line: str, *, whole: bool = False) -> None:
-    """Write a line to standard error in its style; ignore a failure, which must not change the exit code.
+    """Write a message to standard error; a failure to write is ignored and does not change the exit code.
 
-    whole: whether the line is not wrapped because it contains a command to be copied.
+    line: message, which may have several lines.
+    whole: whether the message is not wrapped, because it contains a command to be copied.
     """
     try:
         style = stderr_style()
@@ -123,7 +124,7 @@ def say(line: str, *, whole: bool = False) -> None:
 
 
 def _in_words(text: str, width: int) -> str:
-    """Return lines no wider than the terminal, wrapped between words; a longer word remains whole."""
+    """Return a text wrapped between words to a width; a word that is longer than the width is not broken."""
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip())] + "  "
@@ -144,17 +145,17 @@ def made_or(
     make: Callable[[], _Made],
     instead: Callable[[], _Made],
 ) -> _Made:
-    """Return a form of a result, or a simpler form with a warning on standard error if making it fails.
+    """Return a form of a result; if making this form fails, return a simpler form and warn on standard error.
 
-    With HDASSIST_STRICT in the environment, as in the tests, the failure is raised.
+    If the environment contains HDASSIST_STRICT, as in the tests, the failure is raised.
 
-    name: name of the form in the warning.
+    name: name of the form, for the warning.
     make: function that returns the form.
     instead: function that returns the simpler form.
     """
     try:
         return make()
-    except Exception as error:  # any failure of a figure must not affect the result
+    except Exception as error:  # no failure of a figure may affect the result
         if os.environ.get(_STRICT):
             raise
         say(f"warning: no {name}, the result is not affected: {type(error).__name__}: {error} (a bug in hdassist)")
@@ -162,7 +163,7 @@ def made_or(
 
 
 def console(stream: TextIO, style: Style) -> Console:
-    """Return a rich console that writes to a stream with a style."""
+    """Return a rich console that writes to a stream in a style."""
     console_of_stream: Console = _console_class()(
         file=stream,
         width=style.width,
@@ -190,7 +191,7 @@ def _console_class() -> type[Any]:
 
         @property
         def encoding(self) -> str:
-            """Encoding from which rich chooses bars and boxes."""
+            """Encoding by which rich chooses the characters of bars and boxes."""
             return "ascii" if self.seven_bits else super().encoding
 
         def on_broken_pipe(self) -> None:
@@ -213,10 +214,12 @@ def write_text(
     text: str,
     force: bool,
 ) -> None:
-    """Write text as UTF-8 and report "wrote FILE" on standard error; on a terminal, hidden characters are escaped.
+    """Write a text to a file as UTF-8 and report "wrote FILE" on standard error, or write it to standard output.
 
-    path: the file, "-" for standard output.
-    text: the text.
+    A terminal receives the text with hidden characters escaped.
+
+    path: name of the file, "-" for standard output.
+    text: text to write.
     force: whether an existing file may be replaced.
     Raises UsageError if the file exists, and DataError if it cannot be written. In both cases no file is changed.
     """
@@ -226,7 +229,7 @@ def write_text(
             encoding = sys.stdout.encoding or "utf-8"
             shown = visible(text.replace("\r\n", "\n"))
             give_stdout(shown.encode(encoding, "backslashreplace").decode(encoding))
-        else:  # bytes keep the line ends on every system
+        else:  # text would change line ends on some systems, bytes do not
             give_stdout(text.encode(output_encoding(sys.stdout), "backslashreplace"))
         return
     if not is_claimed(path):
@@ -236,7 +239,7 @@ def write_text(
     say(f"wrote {path}")
 
 
-_PARQUET_ROWS = 100_000  # largest number of rows in memory at a time
+_PARQUET_ROWS = 100_000  # largest number of rows that are in memory at the same time
 
 
 def require_parquet(path: str) -> None:
@@ -259,10 +262,10 @@ def write_parquet(
 ) -> None:
     """Write a table as Parquet and report "wrote FILE" on standard error.
 
-    path: the file.
+    path: name of the file.
     columns: type of each column by its name.
     rows: rows, with None for an empty cell.
-    owner: all inputs that decide the rows, stored in the table's metadata as "hdassist".
+    owner: all inputs that determine the rows, stored in the metadata of the table as "hdassist".
     force: whether an existing file may be replaced.
     Raises UsageError if the file exists, and DataError if it cannot be written. In both cases no file is changed.
     """
@@ -289,7 +292,7 @@ def write_parquet(
 
 
 def begins_with(path: str, heads: Sequence[str]) -> bool:
-    """Return whether a file begins with one of several texts."""
+    """Return whether a file begins with one of the given texts; False for a file that cannot be read."""
     try:
         with Path(path).open("rb") as stream:
             start = stream.read(max(map(len, heads)))
@@ -299,10 +302,10 @@ def begins_with(path: str, heads: Sequence[str]) -> bool:
 
 
 def give_stdout(answer: str | bytes) -> None:
-    """Write to standard output; ignore a closed pipe. Raises DataError if it cannot be written."""
+    """Write a result to standard output. A closed pipe is ignored; other failures raise DataError."""
     try:
         if isinstance(answer, bytes):
-            sys.stdout.flush()  # text that was written before comes first
+            sys.stdout.flush()  # earlier text is written before these bytes
             sys.stdout.buffer.write(answer)
         else:
             sys.stdout.write(answer)
@@ -310,12 +313,12 @@ def give_stdout(answer: str | bytes) -> None:
     except BrokenPipeError:
         silence()
     except OSError as error:
-        silence()  # otherwise the rest of the buffer causes another error at the end
+        silence()  # the rest of the buffer would cause another error when the process ends
         raise _unwritable("standard output", error.strerror or str(error)) from None
 
 
 def put_text(path: str, text: str) -> None:
-    """Replace the contents of a file by text in UTF-8. Raises DataError, with the file unchanged, if this fails."""
+    """Replace the contents of a file by a text in UTF-8. A failure raises DataError and leaves the file unchanged."""
     target = Path(path)
     data = text.encode("utf-8", "backslashreplace")
     try:
@@ -333,7 +336,7 @@ def put_text(path: str, text: str) -> None:
 
 
 def _at_once(path: str, flags: int) -> int:
-    """Open a device or a pipe for writing, without waiting. Raises OSError if no process reads the pipe."""
+    """Open a device or a pipe for writing without waiting for a reader. Raises OSError if nothing reads the pipe."""
     descriptor = os.open(path, (flags | getattr(os, "O_NONBLOCK", 0)) & ~os.O_CREAT)
     if hasattr(os, "O_NONBLOCK"):
         os.set_blocking(descriptor, True)
@@ -348,20 +351,20 @@ def take_output(
 ) -> None:
     """Claim a file for a result of this run, before the computation.
 
-    path: the file, "-" for standard output.
+    path: name of the file, "-" for standard output.
     force: whether an existing file may be replaced.
     is_kept: whether the run continues the contents of the file.
-    Raises UsageError if the file exists, or if the run reads it or writes it for another option. Raises DataError if it
-    cannot be written.
+    Raises UsageError if the file exists, or if the run reads the file or writes it for another option. Raises DataError
+    if the file cannot be written.
     """
     claim_output(path, is_kept=is_kept)
     require_writable(path, force or is_kept)
 
 
 def require_writable(path: str, force: bool) -> None:
-    """Refuse a file that `write_text` would refuse, before the computation.
+    """Raise the error of `write_text` for a file that cannot be written, before the computation.
 
-    path: the file, "-" for standard output.
+    path: name of the file, "-" for standard output.
     force: whether an existing file may be replaced.
     Raises UsageError if the file exists, and DataError if it cannot be written.
     """
@@ -382,7 +385,7 @@ def require_writable(path: str, force: bool) -> None:
             raise _unwritable(path, f"there is no directory {folder}")
         if not os.access(target if _is_device(target) else folder, os.W_OK):
             raise _unwritable(path, "the file system is read-only" if _is_read_only(folder) else "no permission")
-    except (OSError, ValueError) as error:  # ValueError: a path that contains NUL
+    except (OSError, ValueError) as error:  # ValueError is raised for a path that contains NUL
         raise _unwritable(path, getattr(error, "strerror", None) or str(error)) from None
 
 
@@ -392,7 +395,7 @@ def _is_read_only(folder: Path) -> bool:
 
 
 def _real(target: Path) -> Path:
-    """Return the target of a link, which allows its file to be replaced without replacing the link."""
+    """Return the target of a symbolic link, because a file is replaced without replacing the link to it."""
     return Path(os.path.realpath(target))
 
 

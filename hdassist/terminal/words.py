@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from hdassist.solve.loadcase import CrossCheck
 
 
-DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
+DRAWN = ("tolerance", "sensitivity", "allocate")  # commands that sample random drives
 _SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that use samples
 LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands with --limit
-_TOOTHED = ("check", "trace", "mount", "accept")  # commands with measured teeth
-TAKEN_OVER = {  # options that are passed on to other commands, by field, with these commands
+_TOOTHED = ("check", "trace", "mount", "accept")  # commands with options for measured teeth
+TAKEN_OVER = {  # commands that take over an option of another command, by the field of the option
     "draws": _SAMPLED,
     "seed": (*_SAMPLED, *DRAWN),
     "sure": ("accept", "mount"),
@@ -39,16 +39,20 @@ TAKEN_OVER = {  # options that are passed on to other commands, by field, with t
     **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), _TOOTHED),
 }
 _OPTION = re.compile("^(?:--[a-z-]+|-[a-z])")  # name of an option on the command line
-_REPORTED = 2  # number of contributions and measurements on a short page
-ENVELOPE = "envelope per input revolution"  # two curves, of the minimum and the maximum
-MORE_DRAWS = 4  # factor of the number of samples that halves the interval of a probability
+_REPORTED = 2  # largest number of contributions, and of measurements, on a short page
+ENVELOPE = "envelope per input revolution"  # label of a plot that shows the minimum and the maximum as two curves
+MORE_DRAWS = 4  # factor by which more samples halve the interval of a probability
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:
-    """Return a shell command for the same drive; PRESET stands in for an unknown drive.
+    """Return a shell command for the same drive, or for PRESET if the drive is unknown.
 
-    The command has the options that were given to the command of the same name, and the options that it takes over from
-    other commands.
+    The shell command repeats the options that were given to the command of the same name, and options of other commands
+    that also apply to it.
+
+    command: name of the command.
+    drive: drive with its preset and its options, None if it is unknown.
+    more: further arguments, which replace repeated options of the same name.
     """
     command_words = ["PRESET"]
     if drive:
@@ -69,7 +73,7 @@ def preset_argument(drive: Drive) -> str:
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
-    """Yield the overrides as options of a command; torques and limits have their own options."""
+    """Yield overrides of a preset as options of a command: --torque and --limit where they exist, or else --set."""
     for override in overrides:
         torques = re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override)
         if torques and command != "accept":  # accept has no --torque
@@ -83,7 +87,7 @@ def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
 def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
     """Return one line on the verification: mesh positions, largest residual, and positions solved by another solver.
 
-    The residual is relative to its scale.
+    The residual is relative to its scale. The line is empty if no mesh position was solved.
     """
     if not found or not found.states:
         return ""
@@ -94,25 +98,25 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
 
 
 def thousands(count: int) -> str:
-    """Return a count with thousands separated by spaces: 20 200."""
+    """Return a count as text with spaces between groups of three digits, such as 20 200."""
     return f"{count:,}".replace(",", " ")
 
 
 def on_what(drive: Drive) -> str:
-    """Return a note on the number of inputs with a range that are at their nominal values; empty without any."""
+    """Return a note on the number of uncertain inputs at their nominal values; empty if there are none."""
     ranges = len(assumptions(drive))
     inputs = "inputs with an assumed or default range are at their nominal values; hdassist check samples them"
     return f"{ranges} {inputs}" if ranges else ""
 
 
 def not_known(drive: Drive) -> str:
-    """Return a note on the unknown deviations of a drive that are computed as 0; empty without any."""
+    """Return a note on the unknown deviations of a drive, which are computed as 0; empty if there are none."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""
 
 
 def named(path: str) -> str:
-    """Return the meaning of a field or figure with its path in brackets."""
+    """Return the meaning of a field with its path in brackets, or the name of a computed stiffness."""
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
     return f"{field_table()[path].meaning} ({path})"
@@ -124,7 +128,7 @@ def field_unit(path: str) -> str:
 
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
-    """Return a text on the largest contributions to the variance of a result, by field; empty without any."""
+    """Return a text on the largest contributions of fields to the variance of a result; empty if all are negligible."""
     shares = [
         f"{named(influence.group)}: {100 * influence.share:.0f} %"
         for influence in found[:_REPORTED]
@@ -134,7 +138,11 @@ def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
 
 
 def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
-    """Return a text on the best measurements, and how much each narrows the spread of F'_ior at a torque [N*m]."""
+    """Return a text on the best measurements, with the relative reduction of the spread of F'_ior by each.
+
+    found: gains from measurements, the largest first.
+    M_g: torque [N*m] at which the spread is computed.
+    """
     texts: list[str] = []
     for gain in found[:_REPORTED]:
         field = field_table().get(gain.measured.replace("stiffness.", "measured."))
@@ -146,7 +154,7 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
 
 
 def more_draws(samples: Samples) -> str:
-    """Return a hint for a verdict that only more samples can decide, with their number."""
+    """Return the hint that more samples may decide a verdict, with their number."""
     return f"more samples may decide this, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
@@ -166,7 +174,7 @@ HOME = "en"
 
 @dataclass(frozen=True)
 class Texts:
-    """The catalogue of one language, with entries by key that may contain {fields}."""
+    """Catalogue of the texts in one language, by key; a text may contain {fields}."""
 
     language: str
     entries: Mapping[str, str]
@@ -176,7 +184,7 @@ class Texts:
         return self.entries[key].format(**fields)
 
     def variant(self, name: str) -> Texts:
-        """Return the catalogue with the entries "name.key" in place of the entries "key"."""
+        """Return a catalogue in which each entry "name.key" replaces the entry "key"."""
         entries = {
             key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")
         }
@@ -195,11 +203,11 @@ class Texts:
         return self("unit.torque", torque=self.number(M_g))
 
     def percent(self, share: float, sign: str = "") -> str:
-        """Return a share in per cent; sign "+" also shows the sign of positive values."""
+        """Return a share in per cent; sign: "+" if positive values have a sign, or empty."""
         return self("unit.percent", value=self.number(100 * share, f"{sign}.0f"))
 
     def holes(self, count: int) -> str:
-        """Return a number of holes with the proper plural form."""
+        """Return a number of holes as text in the correct plural form."""
         form = next((f for f in ("one", "few") if re.search(self(f"plural.{f}"), str(count))), "many")
         return self(f"holes.{form}", count=count)
 
@@ -214,14 +222,14 @@ class Texts:
 
 
 def languages() -> list[str]:
-    """Return the languages with a catalogue."""
+    """Return the codes of the languages that have a catalogue."""
     folder = files(__package__) / "languages"
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
 
 @cache
 def texts(language: str = HOME) -> Texts:
-    """Return the catalogue of a language. Raises UsageError if there is none."""
+    """Return the catalogue of a language. Raises UsageError if the language has none."""
     import yaml
 
     if language not in languages():
@@ -234,7 +242,7 @@ WHEEL_WORDS = {"b": "circular spline", "g": "flexspline"}
 
 
 def heading(measured: MeasuredTeeth | None) -> str:
-    """Return the end of a heading that names the wheels with measured teeth; empty without any."""
+    """Return the end of a heading, which names the wheels with measured teeth; empty if there are none."""
     wheels = measured.by_name.items() if measured else ()
     wheel_list = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in wheels)
     return f"; measured teeth: {wheel_list}" if wheel_list else ""
