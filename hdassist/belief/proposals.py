@@ -57,7 +57,7 @@ class Proposal:
     def drawn(self, shares: Array) -> tuple[Array, Array]:
         """Return draws of the prior transformed to this density, and the density at each of them.
 
-        shares: shares of the prior's draws, shape (draws, at least fields); the transformed draws have the same shape.
+        shares: quantile levels of the prior's draws, shape (draws, at least fields); the result has the same shape.
         """
         cells = len(self.density)
         # inverse distribution function: equal input steps give output steps according to the density
@@ -77,12 +77,14 @@ def proposed_draws(
     last: int,
     seed: int,
 ) -> tuple[Array, Array]:
-    """Return draws as shares of each field's probability and a spare share, and their density, shape (draws,).
+    """Return draws and their density relative to that of the prior, shape (draws,).
+
+    A draw is the quantile level of each field, followed by one more random number.
 
     prior: prior of the drive.
     evidence: reference data on the drive.
-    pilot: figures of the first draws, PILOT_DRAWS of them if `first` is at least that number.
-    first, last: number of the first draw, and of the draw after the last.
+    pilot: predicted values of the first draws, PILOT_DRAWS of them if `first` is at least that number.
+    first, last: number of the first draw, and number after the last draw.
     seed: seed of the draws.
     """
     shares = prior.shares(last, seed)
@@ -104,12 +106,13 @@ def proposal_of(
 ) -> Proposal | None:
     """Return the proposal from the stiffness of the first draws; None if no single field explains it.
 
-    The field is the one whose share x, with its square, explains most of the log likelihood in a regression. The
-    density follows from the weighted draws by Legendre's first two polynomials.
+    The field is the one whose quantile level x, with its square, explains most of the log likelihood in a regression.
+    The density follows from the weighted draws by Legendre's first two polynomials.
 
-    shares: shares of the first draws, including those that were not solved further, shape (draws, at least fields).
+    shares: quantile levels of the first draws, including those that were not solved further, shape (draws, at least
+        fields).
     evidence: reference data on the drive.
-    pilot: figures of these draws.
+    pilot: predicted values of these draws.
     """
     # stiffness follows from the contact system alone, before any error is solved
     log_of_draw = stiffness_log_likelihoods(evidence, pilot)
@@ -197,7 +200,7 @@ class TabledErrors:
     tested_arcsec: reading of an accuracy test at the first torque [arcsec], shape (draws, directions).
     log_missed: logarithm of exact F'_ior over that of the table, for some draws, shape (torques, compared).
     values: values of the deviations by path, shape (draws, directions) each.
-    shares: shares of the probability of the open deviations, shape (draws, fields).
+    shares: quantile levels of the uncertain deviations, shape (draws, fields).
     """
 
     F_ior_arcsec: Array
@@ -209,7 +212,7 @@ class TabledErrors:
 
 
 def open_deviations(prior: DrivePrior) -> tuple[FieldPrior, ...]:
-    """Return the fields of a prior that a table spans."""
+    """Return the uncertain deviations of a prior, which are the fields that a table spans."""
     return tuple(field_prior for field_prior in prior.fields if field_prior.path.startswith(TABLE_SECTIONS))
 
 
@@ -372,10 +375,10 @@ def turned_errors(
 
 @dataclass(frozen=True, eq=False)
 class ProposedDeviations:
-    """A draw of the open deviations.
+    """A draw of the uncertain deviations.
 
-    shares: share of the probability of each of them, by path.
-    density: density with which they were drawn over that of the prior; infinite for a repeated draw.
+    shares: quantile level of each deviation, by path.
+    density: density with which the draw was made, relative to that of the prior; infinite for a repeated draw.
     """
 
     shares: Mapping[str, float]
@@ -522,7 +525,10 @@ class DeviationProposal:
         return proposals
 
     def _shares_at(self, table: TabledErrors, place: np.int64) -> dict[str, float]:
-        """Return the shares of the open deviations at a flat index into draws and directions, by path."""
+        """Return the quantile levels of the deviations of a draw in one direction, by path.
+
+        place: flat index into draws and directions.
+        """
         draw, direction = np.divmod(place, table.F_ior_arcsec.shape[2])
         fields = open_deviations(self.prior)
         paths = [field_prior.path for field_prior in fields]
@@ -553,7 +559,9 @@ def _draws(
     seed: list[int],
     paths: tuple[str, ...] = (),
 ) -> tuple[Array, dict[str, Array]]:
-    """Return draws of the open deviations: shares of their probability, and values by path, shape (draws, directions).
+    """Return draws of the uncertain deviations: their quantile levels, and their values by path.
+
+    The levels have the shape (draws, fields), and each array of values (draws, directions).
 
     The stationary deviations are turned in equal steps. A prior without open deviations has one draw.
 

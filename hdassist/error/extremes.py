@@ -92,7 +92,7 @@ class _Hills:
         )
 
     def and_these(self, further: _Hills) -> _Hills:
-        """Return these hills together with further ones."""
+        """Return these hills together with further hills."""
         return _Hills(
             row=np.concatenate([self.row, further.row]),
             sign=np.concatenate([self.sign, further.sign]),
@@ -341,9 +341,9 @@ class _Search:
         return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
 
     def _proposed(self, n: int) -> tuple[_Hills, Array]:
-        """Return the hills that a grid of n positions of each wheel proposes, and the largest heights on it.
+        """Return the hills that a grid of n positions of each wheel proposes, and the largest heights of its states.
 
-        The heights of the error and of the negative error have shape (drives, 2) [arcsec].
+        The heights are those of the error and of the negative error [arcsec], shape (drives, 2).
         """
         grid = self._grid_states(n)
         crests = self._crests(grid)
@@ -457,7 +457,7 @@ class _Search:
         next_error = np.roll(error, -1, axis)
         next_slope = np.roll(slope, -1, axis)
         next_share = np.roll(zone_share, -1, axis)
-        # the share changes sign between two states, so a linear share is 0 between them
+        # the torque share of the zone changes sign between the two states, and linear interpolation gives its zero
         cell = np.nonzero(zone_share * next_share < 0)
         row, *position = cell
         t = zone_share[cell] / (zone_share[cell] - next_share[cell])  # position of the crest within its cell
@@ -583,7 +583,7 @@ def _limited_slope(
     slope: Array,
     axis: int,
 ) -> Array:
-    """Return the slopes along an axis, limited by the differences to both neighbours."""
+    """Return the slopes along an axis, limited to _MAX_SLOPE times the larger difference to a neighbour."""
     # a slope far above both differences belongs to a crease next to the state
     difference = np.abs(np.roll(value, -1, axis) - value)
     limit = _MAX_SLOPE * np.maximum(difference, np.roll(difference, 1, axis))
