@@ -484,7 +484,8 @@ class AcceptedValue(ClosedRecord):
     def stated(cls, stated: LimitText, limit: Limit) -> AcceptedValue:
         """Return a reported value, VALUE±U with the expanded uncertainty U (k = 2).
 
-        Raises UsageError if the text is not a value or has no uncertainty, or if the value is negative or an invalid 0.
+        Raises UsageError if the text is not a value or has no uncertainty, if the value is negative, and if it is 0
+        for F'_ior or with an uncertainty of 0.
         """
         option = f"--value {stated}"
         if not is_spread(stated.text):

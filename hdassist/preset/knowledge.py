@@ -230,7 +230,10 @@ COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
 
 
 def with_cam_support(drive: Drive) -> Drive:
-    """Return the drive with supports.C_3 and its range estimated from its coupling, or set to unknown."""
+    """Return the drive with supports.C_3 and its range estimated from cam.coupling.
+
+    The field is set to unknown for an overhung wave generator without the dimensions of its shaft.
+    """
     cam = drive.cam
     why = "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is estimated"
     support: list[float] = []  # stiffness and both ends of its range [N/mm]
@@ -361,7 +364,11 @@ def _stiffness_ratio(d: float, K: Sequence[float]) -> float:
 
 
 def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
-    """Return the pitch diameter [mm] from the rated torque [N*m] by the cube law; if None, that of the other drive."""
+    """Return the pitch diameter [mm] from the rated torque by the cube law.
+
+    like: similar drive, whose diameter is returned if no torque is required.
+    rated: required rated torque [N*m], or None.
+    """
     pitch_diameter = like.gears.pitch_diameter
     if rated is None:
         reason = f"the pitch diameter of {like.name}, {pitch_diameter:g} mm"

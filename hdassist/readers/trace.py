@@ -1058,7 +1058,10 @@ def _is_time(
     kind: str,
     form: TraceForm,
 ) -> bool:
-    """Return whether the column of the angle contains times, according to the stated unit or else to its name."""
+    """Return whether the column of the angle contains times.
+
+    The stated unit decides, or the name of the column if no unit is stated.
+    """
     if form.angle_unit is not None:
         return plain_unit(form.angle_unit) in TIMES
     name = table.name(index)
