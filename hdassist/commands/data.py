@@ -59,12 +59,12 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     beside = ("write",)
 
     def _require_writable(self, preset: str) -> None:
-        """Raise UsageError if --write is given, but the preset is not a file or is changed by --set."""
+        """Raise UsageError if --write is given for a preset that is not a file, or that --set changes."""
         if self.write is not None and (preset == "-" or self.overrides):
             raise UsageError("--write needs a preset file, without --set and not from standard input")
 
     def report(self, out: Output, preset: str) -> Report:
-        """Return the report of a calibration, and write its values if this is requested."""
+        """Return the report of a calibration, and write the preset with the fitted values if requested."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.files import READ_AT_MOST, read_preset
         from hdassist.loading import with_found_values
@@ -77,7 +77,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
         preset_text = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
         if self.write is not None:
-            # the search takes minutes, so a text that cannot be changed is refused before it
+            # a text that cannot be changed is refused before the search, which takes minutes
             lowest = {unknown.path: unknown.low for unknown in wanted.unknowns}
             with_found_values(preset_text, preset, lowest, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
@@ -96,7 +96,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
 
 _VALIDATE = "presets-validate"
-_PIPED_COLUMNS = 10_000  # width of a table in a pipe, which needs no line breaks
+_PIPED_COLUMNS = 10_000  # width of a table in a pipe, where lines need not be broken
 
 
 class PresetsListCommand(o.PageOptions):
@@ -224,7 +224,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         return give(_VALIDATE, reports, replace(out, quiet=True))
 
     def _report(self, name: str) -> Report:
-        """Return the report on a preset; an invalid --set makes it invalid. Raises all other errors of loading it."""
+        """Return the report on a preset, which an invalid --set makes invalid. Raises other errors of loading it."""
         from hdassist.preset.fields import origin_counts
 
         try:
@@ -244,7 +244,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         if values["assumed"]:
             verdict += f", {values['assumed']} values are assumed"
         result = {"file": name, "valid": True, "values": values, "findings": []}
-        line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several lines begin with the names anyway
+        line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several lines begin with names anyway
         return Report(
             command=_VALIDATE,
             drive=drive,
@@ -352,7 +352,7 @@ class PresetsNewCommand(WishOptions):
 
 PRESET = "vzp160"
 M_G = 800.0
-STORED_F_IOR = 7.706924145663  # arcsec; F'_ior over all mesh positions
+STORED_F_IOR = 7.706924145663  # arcsec; stored F'_ior of the drive of the self-test
 AGREES = 1e-6  # arcsec; largest difference from the stored value
 _CROSS = "HIGHS"
 
@@ -362,8 +362,8 @@ class DoctorFinding:
     """Finding about a part of the installation.
 
     what: name of the part.
-    status: its status; broken means that results cannot be trusted.
-    found: finding in words.
+    status: status of the part; broken means that results cannot be trusted.
+    found: description of the finding.
     """
 
     what: str
@@ -415,7 +415,7 @@ class DoctorCommand(o.PageOptions):
 
 def _packages() -> Iterator[DoctorFinding]:
     """Yield the versions of hdassist, Python and each required package."""
-    # imported here, because at the top it would be a fifth of the import time of `hdassist --help`
+    # at the top of the file, this import would take a fifth of the import time of `hdassist --help`
     from importlib.metadata import PackageNotFoundError, requires, version
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
@@ -457,7 +457,7 @@ def cache() -> DoctorFinding:
 def surroundings(style: Style) -> DoctorFinding:
     """Return the finding about the machine: its cores and the style of standard output.
 
-    style: style of standard output before a progress bar replaced it.
+    style: style of standard output, determined before a progress bar redirects the stream.
     """
     cores = count(0)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
@@ -468,7 +468,7 @@ def surroundings(style: Style) -> DoctorFinding:
 def self_test() -> DoctorFinding:
     """Return the finding of the self-test.
 
-    It compares F'_ior of a drive with the stored value, and solves the extremes again with another solver.
+    The self-test compares F'_ior of a drive with the stored value, and solves the extremes with another solver.
     """
     from hdassist.error.cycle import kinematic_error
     from hdassist.error.error_map import ErrorMap

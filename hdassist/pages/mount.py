@@ -437,7 +437,7 @@ def _reduction(
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
-    """Return a sentence with F'_ior expected after further values; gains: pairs of F'_ior and its number of values."""
+    """Return a sentence with F'_ior expected after further values; gains: pairs of F'_ior and a count as text."""
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
         shares = ", ".join(f"{100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % after {count}" for F_ior, count in gains)
