@@ -431,7 +431,9 @@ class Sampling:
         return min(1.0, likelihood / density / kept)
 
     def _meshed(self, drive: Drive, shares: Sequence[float]) -> tuple[Drive, dict[str, float], Certificate]:
-        """Return a drive with its profile shift relative to just meshing, this shift by path, and the certificate.
+        """Return a drive with the drawn profile shift of its circular spline, this shift by path, and the certificate.
+
+        The drive is unchanged, without a shift by path, if the prior does not make the shift depend on other fields.
 
         shares: quantile levels of all fields.
         """
