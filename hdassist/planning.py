@@ -420,7 +420,7 @@ class PlannedTest:
         plan = self.judged.plan
         run = self.run
         forth = 360 * plan.step_turns * np.arange(plan.readings)
-        # first from below, then, if planned, from above in descending sequence
+        # positions are approached from below first and, if planned, from above in descending sequence
         ways = 1 + plan.both
         target = np.tile(np.concatenate([forth, forth[::-1]][:ways]), run.repeats)
         side = np.tile(np.repeat([1, -1][:ways], plan.readings), run.repeats)
@@ -799,7 +799,7 @@ def _solved_rough_wheel(
     """
     count = drive.gears.z_g if wheel == "g" else drive.gears.z_b
     angle = 2 * np.pi * np.arange(count) / count
-    # independent teeth, and orders whose size decreases with the order
+    # the deviations are independent noise of the teeth, and orders whose size decreases with the order
     teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(count)
     for order in _ROUGH_ORDERS:
         teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
@@ -826,7 +826,7 @@ def _lines_seen(
 ) -> tuple[_LineSeen, ...]:
     """Return the largest lines of drives as a plan shows them."""
     power = np.abs(lines.amplitude) ** 2
-    # mean over the drives of each line's share of the variance
+    # the share of a line in the variance is averaged over the drives
     total_power = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
     shares = np.average(
         power / total_power,

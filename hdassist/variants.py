@@ -366,7 +366,7 @@ def _paired(
     weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
-    # select as many pairs as samples, by weight
+    # as many pairs as samples are selected by their weights
     even = even_rows(weights, count)
     second_drives = map(other.drive.with_values, samples.values(even))
     return DrivePairs(

@@ -74,7 +74,7 @@ def size_and_direction(
     """
     direction_near = drive.number(VECTORS[k].direction)
     turn = 360 / VECTORS[k].order
-    # equivalent direction nearest to that of the preset
+    # the direction is the equivalent one nearest to that of the preset
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - direction_near
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), direction_near + (away + turn / 2) % turn - turn / 2
 
@@ -134,7 +134,7 @@ def doubtful_waves(
         if all(drive.allows(path, value) for value in values):
             with suppress(UntrustedError):
                 less, greater = (moved(path, value) for value in values)
-                # slope and curvature of the error over the field
+                # the two changes are the slope and the curvature of the error over the field
                 changes += [(greater - less) / 2, (greater + less) / 2]
     changes += _single_tooth_waves(drive, torus)
     return np.reshape(changes, (len(changes), len(own_waves)))

@@ -630,9 +630,9 @@ def _residuals_of(
     design = next(iter(errors))
     turns = errors[design].lines.kinematics.cycle_cam_revolutions
     fitted = {M_g: error.corrected(form, M_g, together=together) for M_g, error in errors.items()}
-    # with an absolute encoder on the input only, whole revolutions may be lost
+    # whole revolutions may be lost if only the input has an absolute encoder
     lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
-    # besides the correction itself, consider errors in its use: a wrong zero and lost revolutions
+    # the cases are the correction in place, and errors in its use: a wrong zero and lost revolutions
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in errors]
     cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]

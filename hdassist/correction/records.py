@@ -108,9 +108,9 @@ class RecordedError:
         """
         travel = _Travel.of(self, fitted)
         whole_turns = _whole_turns(travel.span, kinematics)
-        # continue at the same mean step, from the last end of the travel to the next beginning
+        # the continuation has the same mean step and reaches from the end of the travel to its next beginning
         beyond = np.arange(travel.span, whole_turns, travel.span / len(travel.turns))[1:]
-        # blend from the mirror image at the last end into the mirror image at the first end
+        # the continuation blends the mirror image at the last end into the mirror image at the first end
         share = (1 + np.cos(np.pi * (beyond - travel.span) / max(whole_turns - travel.span, 1e-12))) / 2
         # a mirrored curve has no jump or bend at the ends, which would make the correction oscillate
         from_last = travel.mirrored(beyond - travel.span, -1)
@@ -195,7 +195,7 @@ class RecordedError:
         for _ in range(_ROUNDS):
             if power <= _SOLVED**2 * first_power:
                 break
-            # product of the normal matrix and the direction, without forming the matrix
+            # the product of the normal matrix and the direction is computed without forming the matrix
             curvature = gradient(self._read(lines, direction))
             step = power / float(np.vdot(direction, curvature).real)
             amplitude = amplitude + step * direction
@@ -671,7 +671,7 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     largest = np.log(max(power.max() / noise, 1.0)) / np.log(_SIZE_STEP)
     sizes = noise * np.append(0, _SIZE_STEP ** np.arange(-1, largest + 1))
     shares = sizes / (sizes + noise)
-    # empirical Bayes: the frequency of each size by expectation and maximisation
+    # expectation and maximisation estimate the frequency of each size (empirical Bayes)
     frequency = np.full(len(sizes), 1 / len(sizes))
     # the power of a normal line of this size plus noise has an exponential distribution
     likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
@@ -855,7 +855,7 @@ class _RecordFit:
 
         Normal samples around the fit are weighted by their likelihood.
         """
-        # normal approximation around the best fit
+        # samples come from a normal approximation around the best fit
         *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
         rng = np.random.default_rng([self.run.seed, 2])
         deviates = rng.standard_normal((draws, len(fit.x)))
@@ -864,7 +864,7 @@ class _RecordFit:
         # importance weights correct the approximation by the true residuals
         log_weight = ((deviates**2).sum(axis=1) - (self.residuals(drawn, terms) ** 2).sum(axis=1)) / 2
         cumulative = np.cumsum(np.exp(log_weight - log_weight.max()))
-        # systematic resampling
+        # systematic resampling selects samples by their weights
         rows = np.searchsorted(cumulative, (np.arange(1, draws) - rng.random()) * (cumulative[-1] / (draws - 1)))
         return np.asarray(drawn[np.append(0, rows)])
 

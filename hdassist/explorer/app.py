@@ -327,7 +327,7 @@ class Explorer(_Exporting):
     CSS_PATH = "app.tcss"
     TITLE = "hdassist explore"
     ENABLE_COMMAND_PALETTE = False
-    # no class variables for mypy, because of their declaration in Textual
+    # Textual declares these variables without ClassVar, so mypy does not accept ClassVar here
     HORIZONTAL_BREAKPOINTS = [(0, "-tiny"), (60, "-narrow"), (100, "-normal"), (140, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (24, "-middle"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -455,7 +455,7 @@ class Explorer(_Exporting):
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
         self.holes.border_subtitle = "" if known.advice or known.failed else known.without
         effects = known.effects or LeverEffects({})
-        # sorted only once, to prevent rows from moving while the user reads
+        # rows are sorted only once, to prevent them from moving while the user reads
         if effects.is_whole and not self.levers.order:
             self.levers.sort_by_effect(effects, torque)
         self.levers.show(

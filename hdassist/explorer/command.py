@@ -146,8 +146,8 @@ class _ForkedProcesses:
 
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(_PRELOADED)
-        # started now because it inherits streams that the screen replaces, and the single-thread environment of
-        # cli.main
+        # the server is started now because it inherits the streams, which the screen replaces, and the single-thread
+        # environment of the command line
         forkserver.ensure_running()
 
     def begin(self, question: Question) -> _Answering:

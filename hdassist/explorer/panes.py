@@ -151,12 +151,12 @@ class Holes(KeyedTable):
         """
         readings = measured_errors(session.drive)
         limits = [limit for M_g in session.drive.operation.M_g if (limit := session.drive.limit(M_g))]
-        # one scale for all bars
+        # all bars have the same scale
         top = _top_of_bars(found, [reading.value for reading in readings], limits)
         places = sorted({*session.positions, *letters, *(reading.rotation_deg for reading in readings)})
         heads = [f" {M_g:g} N·m" for M_g in session.drive.operation.M_g] if found else []
         blank = [Text() for _ in heads]
-        # a range at each torque, or empty cells before the result
+        # each torque has a range, or an empty cell before the result
         numbers = {place: values_of(found, place) or blank for place in places}
         is_narrow = self._room(numbers, heads) < _LEAST_BAR
         if is_narrow:  # medians leave more space for bars

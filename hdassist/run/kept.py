@@ -219,7 +219,7 @@ class Kept(Generic[_RecordT]):
             at_stop(partial(part_file.unlink, missing_ok=True)),
         ):
             descriptor, lock = _locked(str(part_file))
-            # a complete file under another name, which replaces this file in one step
+            # a complete file under another name replaces this file in one step
             fresh = Kept(
                 _path=str(part_file),
                 _descriptor=descriptor,

@@ -314,7 +314,7 @@ def stream(
 
     Raises the errors of the work, and UntrustedError if a process was ended from outside.
     """
-    # pickle the work once, instead of with each chunk
+    # the work is pickled only once instead of with each chunk
     pickled = pickle.dumps(work)
     # each chunk has its number of items and its future result
     chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()
@@ -456,7 +456,7 @@ class Processes(ThreadPoolExecutor):
     """
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
-        # one thread per process, which waits for its pipe
+        # each process has one thread here, which waits for its pipe
         super().__init__(count)
         self.beside = Processes(1) if has_beside else None
         self.size = count

@@ -282,7 +282,7 @@ def start_method() -> str:
     from pathlib import Path
 
     tasks = Path("/proc/self/task")
-    # includes threads of C libraries
+    # the count of the system includes threads of C libraries
     threads = len(list(tasks.iterdir())) if tasks.exists() else threading.active_count()
     # a fork copies locks of other threads, which are never released in the copy
     return "fork" if threads == 1 else "forkserver"

@@ -159,7 +159,7 @@ def sensitivities(
     worst = worst_torque(production.drive, samples)
     ways = {}
     for path in law.sizes:
-        # F'_ior at the states of the drives' extremes
+        # the estimate is F'_ior at the states of the drives' present extremes
         then = np.array([(record.tighter or {})[path] for record in all_records])
         ways[path] = _tightened(
             path,
@@ -420,10 +420,10 @@ class Allocator:
             ratio = self._ratio_of(records, values)(values)
             at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
             at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
-            # stop if verified and near the limit, or at the ends of the bounds
+            # the search stops if the tolerances are verified and near the limit, or at the ends of their bounds
             if (tried.fits and (ratio > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
-            # the random drives decide instead of the model
+            # the random drives decide, not the model: if they do not verify the tolerances, the target becomes stricter
             aim *= 1.0 if tried.fits else _STRICTER
         # the cheapest attempt is returned because a later one may cost more
         verified = [allocation for allocation in attempts if allocation.fits]
