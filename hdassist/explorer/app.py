@@ -327,7 +327,7 @@ class Explorer(_Exporting):
     CSS_PATH = "app.tcss"
     TITLE = "hdassist explore"
     ENABLE_COMMAND_PALETTE = False
-    # Textual declares these variables without ClassVar, so mypy does not accept ClassVar here
+    # Textual declares these as ClassVar or None, so they have no annotation here for mypy
     HORIZONTAL_BREAKPOINTS = [(0, "-tiny"), (60, "-narrow"), (100, "-normal"), (140, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (24, "-middle"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
