@@ -96,11 +96,11 @@ class ReadingPlan:
         return self.is_record and self.readings * self.step_turns >= output_turns - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
-        """Return the apparent periods of lines in the test; 0 if all readings are equal and do not show the line.
+        """Return the number of periods of each line that appear in the test; 0 if the line only shifts all readings.
 
-        A line with f periods per output revolution advances by f times the step between readings, of which whole
-        periods are not visible. With N readings over k revolutions it appears with f k mod N periods, or with N minus
-        this number.
+        A line with f periods per output revolution advances by f times the step between readings. Whole periods of this
+        advance are not visible. With N readings over k revolutions, the line appears with r = f k mod N periods, or
+        with N - r periods if that is smaller.
 
         per_output_turn: periods of the lines per output revolution, shape (lines,).
         """

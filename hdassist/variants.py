@@ -146,7 +146,7 @@ def sheet_of(
     draws: effective sample size of the uncertain inputs.
     Raises UntrustedError if a result cannot be trusted.
     """
-    # the advice comes first because its samples, which include the turned wheels, also serve the check
+    # the advice comes first: its samples also contain F'_ior with the fixed wheel turned, and the check uses them again
     advice = advise(
         drive,
         seat_positions(drive),

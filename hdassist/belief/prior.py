@@ -98,7 +98,7 @@ class DrivePrior:
     fitted: tuple[str, ...] = ()
 
     def counts(self) -> dict[str, int]:
-        """Return the number of uncertain inputs of each kind; the kinds add up to the number of fields.
+        """Return the number of uncertain fields of each kind; the counts add up to the number of fields.
 
         The kinds are "assumed" (within a range from the preset's source), "default" (within the usual range of a field
         that the preset omits), "unknown" (without any value), "stated" (with an uncertainty), "fitted" (jointly to

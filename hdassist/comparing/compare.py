@@ -43,7 +43,7 @@ _NAMED_SHARE = 0.3  # smallest share of a combination from which a vector is nam
 _VAGUE_DIRECTION = 60.0  # largest standard uncertainty of a direction that is reported [deg]
 _DECIMALS = 3  # largest number of decimals of a new value
 _ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-_MIRRORED = 0.5  # largest chi-square at which a mirrored file is reported, relative to the file as stated
+_MIRRORED = 0.5  # largest chi-square of a mirrored file, over that of the stated file, that is reported
 # largest relative chi-square at which a mirrored file is reported without a search for deviations that fit better
 _SURELY_MIRRORED = 0.1
 _SCREEN = 0.5  # smallest linear gain for which deviations are fitted, as a share of a clear gain

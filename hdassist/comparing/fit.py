@@ -101,7 +101,7 @@ class VectorFitter:
     angles: tuple[bool, bool]
 
     def base(self) -> VectorFit:
-        """Return the fit of start and zero, if they are free, to the unchanged drive."""
+        """Return the fit of the unchanged drive, with start and zero fitted to the recording if they are free."""
         alignment = self.record.alignment
         unknowns = np.array([*vectors_of(self.drive).view(float), alignment.start_deg, alignment.zero_deg])
         # start and zero have many local minima, so they are scanned before the descent

@@ -280,7 +280,8 @@ def _turn_rows(
 ) -> tuple[Array, Array, Array]:
     """Return set-points over one revolution, including both ends [deg], and the errors counting up and down [arcsec].
 
-    At the set-points, the motor is at the table's points after the subtraction, averaged over both directions.
+    The set-points are chosen so that the motor reaches the table's points once the controller has subtracted the error,
+    which is the mean of both directions. Both ends of the revolution are added.
     """
     points = axis.zero_deg + axis.sense * table.angles_deg
     shift = (_error_as_read(table, axis, points) + _error_as_read(table, axis, points, -1)) / 7200

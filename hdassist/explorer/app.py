@@ -215,7 +215,7 @@ class _Exporting(Asking):
         text: Callable[[str], str],
         written: Callable[[], object] = str,
     ) -> None:
-        """Ask for a file name and write a text to the file, after a question if the file exists.
+        """Ask for a file name and write a text to that file; ask for confirmation if it exists.
 
         title: title of the form.
         name: suggested name.
@@ -293,7 +293,7 @@ class _Exporting(Asking):
         self.notify("the command line is on the clipboard")
 
     async def action_quit(self) -> None:
-        """Quit, after a question if there are unsaved changes or undone changes."""
+        """Quit; ask for confirmation if there are unsaved or undone changes."""
         command = self.session.command("explore")
         question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
         # an undone change can be redone only in this session
@@ -591,7 +591,7 @@ class Explorer(_Exporting):
     # --- actions
 
     def action_view(self, name: str) -> None:
-        """Show a pane if not all panes have space, and focus it."""
+        """Focus a pane, and show it if the screen is too small for all panes."""
         self.all.set_classes(name)
         (self.levers if name == "levers" else self.panes[name] if name in ("why", "advice") else self.holes).focus()
         self.call_after_refresh(self.draw)

@@ -285,9 +285,10 @@ def about_field(field: ResolvedField) -> str:
 
 
 def step_of(field: PresetField, value: float) -> float:
-    """Return the step of a field from a value: the step of its unit, or about one per cent as a round number.
+    """Return the step size of a field at a value.
 
-    The step of the unit is used only if it is at most a tenth of the field's range: 5 deg for a phase, but not for a
+    It is 1 for a count, otherwise the usual step of the unit, or the power of ten between 1 and 10 % of the value. The
+    step of the unit is used only if it is at most a tenth of the field's range: 5 deg for a phase, but not for a
     pressure angle.
     """
     natural = _LEVER_STEPS.get(field.unit, 0.0)

@@ -93,8 +93,8 @@ _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power o
 # highest order per input revolution that may appear as a lower one; ball-pass orders lie below it
 _HIGHEST_IMAGE = 30.0
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
-_CLEAR_BEAT = 0.05  # smallest sideband that shows a ratio, as a share of the largest amplitude
-_FEWEST_BEATS = 3  # minimum number of sidebands at the same distance that show a ratio
+_CLEAR_BEAT = 0.05  # smallest amplitude of a sideband that is evidence of another ratio, as a share of the largest
+_FEWEST_BEATS = 3  # minimum number of sidebands at the same distance that are evidence of another ratio
 _CORRELATED = 1e3  # condition number of the normal equations above which orders cannot be shrunk individually
 
 

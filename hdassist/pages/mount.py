@@ -555,7 +555,11 @@ def _positions_table(
         spread += " in any hole"
     residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
     torque_heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
-    place_head, counted = ("hole", "holes") if advice.drive.mounting.holes else ("angle, °", "angles")
+    place_head = "angle, °"
+    counting = "angles are positive"
+    if advice.drive.mounting.holes:
+        place_head = "hole"
+        counting = "holes are numbered"
     probability_heads = ("P(better)", "P(within 5 %)") if is_sampled else ()
     notes = []
     if is_sampled:
@@ -564,7 +568,7 @@ def _positions_table(
     mean = " mean" if is_sampled else ""
     governing = " at governing torque" if len(advice.torques) > 1 else ""
     of_what = f":{mean}{governing}" if mean or governing else ""
-    notes.append(f"excess over best hole{of_what}; {counted} count counter-clockwise")
+    notes.append(f"excess over best hole{of_what}; {counting} counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",

@@ -255,7 +255,10 @@ class _Statements:
                 table.notes.append(f'line {line}: "{word}" is ignored; {hint}')
 
     def value(self, key: str) -> str:
-        """Return the value of a key from the argument or the file, or else the assumed value, and add a note on it."""
+        """Return the value of a key: from the argument, else from the file, else the assumed value.
+
+        A note is added if the value is assumed, or if the argument contradicts the file.
+        """
         stated = self.stated[key]
         default, note = ASSUMED.get(key, ("", ""))
         # an argument takes precedence over the file

@@ -45,13 +45,14 @@ residuals r:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.sparse.csgraph import connected_components
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.geometry import Array
@@ -254,31 +255,14 @@ def _coherent_groups(gram: Array) -> list[_Indices]:
     lengths[lengths == 0] = 1.0
     coherence = np.abs(gram) / np.outer(lengths, lengths)
     merged: list[_Indices] = []
-    for columns in _connected(coherence > _COHERENT):
+    count, label = connected_components(coherence > _COHERENT, directed=False)
+    for number in range(count):
+        columns = np.flatnonzero(label == number)
         if merged and len(merged[-1]) + len(columns) <= _GROUP_COLUMNS:
             merged[-1] = np.concatenate([merged[-1], columns])
         else:
             merged.append(columns)
     return merged
-
-
-def _connected(is_joined: NDArray[np.bool_]) -> Iterator[_Indices]:
-    """Yield groups of columns that are joined directly or through other columns, each ascending.
-
-    is_joined: whether two columns are joined, symmetric, shape (columns, columns).
-    """
-    is_free = np.ones(len(is_joined), bool)  # not scipy.sparse, whose import takes a tenth of a second
-    for column in range(len(is_joined)):
-        if not is_free[column]:
-            continue
-        is_member = is_joined[column] & is_free
-        is_member[column] = True
-        newest = is_member
-        while newest.any():
-            is_free &= ~newest
-            newest = is_joined[newest].any(axis=0) & is_free
-            is_member = is_member | newest
-        yield np.flatnonzero(is_member)
 
 
 class _Model:

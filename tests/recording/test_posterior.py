@@ -54,11 +54,12 @@ def test_columns_of_a_smaller_model_are_those_computed_alone():
     assert np.allclose(shared.gram, alone.gram, rtol=0, atol=1e-9)
 
 
-def test_columns_joined_by_others_are_one_group():
-    is_joined = np.eye(6, dtype=bool)
+def test_columns_joined_by_others_are_one_group(monkeypatch):
+    monkeypatch.setattr(module, "_GROUP_COLUMNS", 1)  # small groups stay apart
+    gram = np.eye(6)
     for one, other in ((0, 4), (4, 2), (1, 5)):
-        is_joined[one, other] = is_joined[other, one] = True
-    assert [group.tolist() for group in module._connected(is_joined)] == [[0, 2, 4], [1, 5], [3]]
+        gram[one, other] = gram[other, one] = 0.3
+    assert [group.tolist() for group in module._coherent_groups(gram)] == [[0, 2, 4], [1, 5], [3]]
 
 
 def test_known_amplitudes_are_recovered(reference):

@@ -134,7 +134,7 @@ def test_report_starts_with_the_verdict_and_repeats_check_and_mount(sheet, folde
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
         f"verified: {proof(sheet.certificate, sheet.cross_checks)}",
-        "holes count counter-clockwise",
+        "holes are numbered counter-clockwise",
     ):
         assert words in text
 
