@@ -354,9 +354,8 @@ def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKin
                     log_share=log_noise - log_total,
                 )
             )
-    share_of_one = (1 - none_misread) / max(values, 1) / len(MISFITS)
-    log_share = np.log(share_of_one)
     for misread in range(values):
+        log_share = np.log((1 - none_misread) / values / len(MISFITS))
         kinds.extend(ErrorKind(misfit=misfit, misread=misread, log_share=log_share) for misfit in MISFITS)
     return kinds
 
