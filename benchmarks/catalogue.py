@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hdassist import Drive, Stiffness, load_preset, stiffness
-from hdassist.loading import load_text, similar_preset
-from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]

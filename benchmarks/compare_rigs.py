@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from hdassist import load_preset, trace
-from hdassist.comparing.compare import compare
-from hdassist.comparing.record import VECTORS, Alignment, size_and_direction, vectors_of, with_vectors
-from hdassist.measuring.measure import measure
+from hdassist.features.measuring.measure import measure
+from hdassist.features.record_comparison.compare import compare
+from hdassist.features.record_comparison.record import VECTORS, Alignment, size_and_direction, vectors_of, with_vectors
 from hdassist.run.run import UNCHECKED
 from tests.helpers.rigs import recorded, slow_noise
 

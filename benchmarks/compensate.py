@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 
 NOISE_ARCSEC = 0.5  # standard deviation of a reading
 RATIOS = (30, 40, 50)
@@ -54,16 +54,16 @@ def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = F
     """
     from benchmarks.honesty import hidden_drive
     from hdassist.belief.prior import prior_of
-    from hdassist.comparing.record import Alignment
-    from hdassist.correction.correct import PHASORS, correct, correction_of
-    from hdassist.correction.forms import CAM_POINTS, CorrectionForm
-    from hdassist.correction.records import fitted_prior, recorded_error
-    from hdassist.error.cycle import kinematic_error
-    from hdassist.errors import HdassistError
-    from hdassist.measuring.measure import measure
-    from hdassist.model.geometry import Kinematics
-    from hdassist.model.rules import first_conflict
+    from hdassist.drive.error.cycle import kinematic_error
+    from hdassist.drive.model.geometry import Kinematics
+    from hdassist.drive.model.rules import first_conflict
+    from hdassist.features.correction.correct import PHASORS, correct, correction_of
+    from hdassist.features.correction.forms import CAM_POINTS, CorrectionForm
+    from hdassist.features.correction.records import fitted_prior, recorded_error
+    from hdassist.features.measuring.measure import measure
+    from hdassist.features.record_comparison.record import Alignment
     from hdassist.readers.trace import MeasuredTrace, sweeps
+    from hdassist.run.errors import HdassistError
     from hdassist.run.run import UNCHECKED, Run
 
     rng = np.random.default_rng([seed, number])

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from hdassist import kinematic_error, load_preset
-from hdassist.model.contacts import contact_system
+from hdassist.drive.model.contacts import contact_system
 from hdassist.run.run import UNCHECKED
 
 STATIONS = (1, 3, 4, 5)

@@ -2,7 +2,7 @@
 
 Samples of a preset are made as by check, each with its wheel in twelve holes at the torques of the preset. F'_ior is
 found from a coarse grid of states with slopes, as for samples, and from a grid of 60 x 60 states
-(hdassist/error/extremes.py).
+(hdassist/drive/error/extremes.py).
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
 
 def searched(drive: Drive) -> list[Searched]:
     """Return both searches for a drive, one result per torque."""
-    from hdassist.error.error_map import Batch, error_maps
-    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-    from hdassist.solve.walk import Walk
+    from hdassist.drive.error.error_map import Batch, error_maps
+    from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+    from hdassist.drive.solve.walk import Walk
 
     batch, found = Batch.turned(drive, [360 / HOLES * k for k in range(HOLES)]), []
     for error_map in error_maps(drive, drive.operation.M_g):

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from hdassist import kinematic_error, load_preset
-from hdassist.errors import HdassistError
-from hdassist.measuring.measure import measure
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import HdassistError
 
 READINGS = 50  # readings per input revolution
 CLOCK, CAM = 0.4, 0.0  # unevenness of the angles as a share of the step between readings, by trigger

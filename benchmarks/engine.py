@@ -16,16 +16,16 @@ import numpy as np
 from benchmarks.machine import seconds
 from benchmarks.words import NUMPY, WARM_DAQP
 from hdassist import Drive, load_preset
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import many_extremes
-from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import state_gaps
-from hdassist.model.geometry import Kinematics, neighbours_together, pitch_locked_states
-from hdassist.solve import walk
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSums, proven_answers, residuals
-from hdassist.solve.build import library_name
-from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne, solve_through_cvxpy
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import many_extremes
+from hdassist.drive.model.contacts import StateGaps, contact_system
+from hdassist.drive.model.deviations import state_gaps
+from hdassist.drive.model.geometry import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.drive.solve import walk
+from hdassist.drive.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSums, proven_answers, residuals
+from hdassist.drive.solve.build import library_name
+from hdassist.drive.solve.formulation import Formulation, formulate
+from hdassist.drive.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne, solve_through_cvxpy
 
 SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # number of states solved by each solver
 

@@ -39,8 +39,8 @@ def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples
     from hdassist.belief.statistics import weighted_quantile
-    from hdassist.loading import load_text, similar_preset
-    from hdassist.preset.knowledge import read_requirements
+    from hdassist.drive.loading import load_text, similar_preset
+    from hdassist.drive.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
     text = similar_preset("own", like, read_requirements(like, ratio=100.0, pitch_diameter="63.5 mm", torque="67"))

@@ -30,8 +30,8 @@ def engine(workers: int) -> Iterator[tuple[Executor | None, Callable[[], float]]
 
     workers: number of dask workers; 0 for processes of hdassist, whose executor is None.
     """
+    from hdassist.drive.solve.walk import installation
     from hdassist.run.run import cluster, end_clusters
-    from hdassist.solve.walk import installation
 
     if not workers:
         yield None, lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
@@ -50,8 +50,8 @@ def measure(workers: int, drives: int, jobs: int = 2) -> str:
     jobs: number of processes of hdassist.
     """
     from hdassist import load_preset
+    from hdassist.features.tolerance.production import Production, production_law
     from hdassist.run.run import Run, stream
-    from hdassist.tolerance.production import Production, production_law
 
     drive = load_preset("vzp160", ["operation.M_g=[80]"])
     made = Production(production_law(drive), (80.0,), per_design=10).with_designs(drives, run=Run())[0]

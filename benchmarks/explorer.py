@@ -23,9 +23,9 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 def measured(name: str, rounds: int) -> dict[str, Any]:
     """Return the median times over a number of key presses, each of which changes a field by a step."""
-    from hdassist.design import check
-    from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
-    from hdassist.explorer.state import edited, opened_state, stepped
+    from hdassist.features.design import check
+    from hdassist.interface.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
+    from hdassist.interface.explorer.state import edited, opened_state, stepped
     from hdassist.run.run import Run, workers
 
     session = opened_state(name)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from textual.pilot import Pilot
 
-    from hdassist.explorer.app import Explorer
+    from hdassist.interface.explorer.app import Explorer
 
 DOCS = Path(__file__).parents[1] / "docs"
 VIEWS = {(80, 24): "6", (100, 30): "1", (140, 40): "1"}  # size in columns and rows: key of the view
@@ -35,7 +35,7 @@ def main() -> None:
 
 async def write_pictures() -> None:
     """Type the keys of the example, and write the final screen in each size as SVG."""
-    from hdassist.explorer.app import without_fonts
+    from hdassist.interface.explorer.app import without_fonts
 
     async for line, app, pilot in played():
         print("\n".join([f"== {line}", *rows(app)[:4]]), flush=True)
@@ -63,10 +63,10 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
     """
     from textual.widgets import Input
 
-    from hdassist.cli import run_command_line
-    from hdassist.explorer.app import Explorer
-    from hdassist.explorer.command import Service
-    from hdassist.explorer.state import opened_state
+    from hdassist.interface.cli import run_command_line
+    from hdassist.interface.explorer.app import Explorer
+    from hdassist.interface.explorer.command import Service
+    from hdassist.interface.explorer.state import opened_state
 
     new = re.search(r"^hdassist presets new mine .*$", (DOCS / "explore.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert new

@@ -25,9 +25,9 @@ def main() -> None:
 
 async def screens() -> list[str]:
     """Return the screens as SVG: after opening, with the wheel turned by one hole each time, and in the best hole."""
-    from hdassist.explorer.app import Explorer
-    from hdassist.explorer.command import Service
-    from hdassist.explorer.state import opened_state
+    from hdassist.interface.explorer.app import Explorer
+    from hdassist.interface.explorer.command import Service
+    from hdassist.interface.explorer.state import opened_state
 
     service = Service()
     app = Explorer(opened_state(PRESET, ()), service)
@@ -45,7 +45,7 @@ async def screens() -> list[str]:
 
 def moving(pictures: list[str]) -> str:
     """Return one SVG that shows pictures of the same size one after another, in an endless loop."""
-    from hdassist.explorer.app import without_fonts
+    from hdassist.interface.explorer.app import without_fonts
 
     bare = [re.sub(r'<clipPath id="[^"]*-line-.*?</clipPath>\s*| clip-path="[^"]*-line-[^"]*"', "", p, flags=re.DOTALL)
             for p in map(without_fonts, pictures)]  # fmt: skip

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.model.contacts import contact_system
+from hdassist.drive.model.contacts import contact_system
 from hdassist.run.run import UNCHECKED
 
 TEETH = (100, 200, 300, 400)

@@ -70,7 +70,7 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import FEWEST_SAMPLES, SamplingEffort, draw_samples, limits_settled
-    from hdassist.errors import HdassistError
+    from hdassist.run.errors import HdassistError
     from hdassist.run.run import Run
 
     rng = np.random.default_rng([seed, number])
@@ -97,7 +97,7 @@ def hidden(rng: np.random.Generator, stiff: bool = False, coupling: bool = False
 
 def true_F_ior(drive, M_g: float, teeth) -> float:
     """Return F'_ior of a hidden drive at a torque M_g [N*m], in arcsec; teeth: deviations of its teeth."""
-    from hdassist.error.cycle import kinematic_error
+    from hdassist.drive.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
     found = kinematic_error(drive, M_g, teeth=teeth, run=UNCHECKED)
@@ -120,9 +120,9 @@ def hidden_drive(
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
-    from hdassist.loading import load_text, similar_preset
-    from hdassist.model.rules import first_conflict
-    from hdassist.preset.knowledge import read_requirements
+    from hdassist.drive.loading import load_text, similar_preset
+    from hdassist.drive.model.rules import first_conflict
+    from hdassist.drive.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
     ratio, diameter = float(rng.choice(ratios)), float(rng.choice([42, 63.5, 90, 160]))
@@ -159,8 +159,8 @@ def _without_play(drive, preload: float):
     """
     from scipy.optimize import brentq
 
-    from hdassist.error.stiffness import stiffness
-    from hdassist.errors import HdassistError
+    from hdassist.drive.error.stiffness import stiffness
+    from hdassist.run.errors import HdassistError
     from hdassist.run.run import UNCHECKED
 
     def shifted(by: float):
@@ -198,7 +198,7 @@ def drawn_values(prior, rng: np.random.Generator, within: dict[str, tuple[float,
 
 def rough_teeth(drive, rng: np.random.Generator):
     """Return the deviations of the teeth of both wheels [um]: harmonics that decrease with their order, and noise."""
-    from hdassist.model.deviations import ToothDeviations
+    from hdassist.drive.model.deviations import ToothDeviations
 
     def wheel(z: int, peak_to_peak: float):
         angle, found = 2 * np.pi * np.arange(z) / z, NOISE * rng.standard_normal(z)
@@ -224,8 +224,8 @@ def own_drives(jobs: int, seed: int) -> list[list[bool]]:
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import EFFECTIVE_SAMPLES
     from hdassist.belief.statistics import effective_number, weighted_quantile
-    from hdassist.loading import load_text, similar_preset
-    from hdassist.preset.knowledge import read_requirements
+    from hdassist.drive.loading import load_text, similar_preset
+    from hdassist.drive.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
     stiffness = "3.1e4,5.0e4,5.7e4"  # stiffness of the catalogue, replaced by the figures of each drive

@@ -30,16 +30,16 @@ from scipy.special import softmax
 from scipy.stats.qmc import Sobol
 
 from hdassist import load_preset
-from hdassist.error.cycle import self_error
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.stiffness import stiffness
-from hdassist.error.waves import trace
-from hdassist.errors import HdassistError
-from hdassist.model.geometry import Array
-from hdassist.model.rules import first_conflict
-from hdassist.mounting.positions import phase_deg
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.cycle import self_error
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.error.waves import trace
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.model.rules import first_conflict
+from hdassist.drive.preset.fields import Drive
+from hdassist.features.mounting.positions import phase_deg
+from hdassist.run.errors import HdassistError
 from hdassist.run.run import UNCHECKED
 
 Row = dict[str, Any]  # a line of the file

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from hdassist.errors import HdassistError
-from hdassist.measuring.measure import measure
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.measuring.measure import measure
 from hdassist.readers.trace import MeasuredTrace, sweeps
+from hdassist.run.errors import HdassistError
 
 RATIO, ROWS = 100, 60  # input revolutions per output revolution, rows per input revolution
 TRAVELS = (300.0, 240.0, 120.0, 40.0)  # deg

@@ -15,10 +15,10 @@ from collections import Counter
 import numpy as np
 from scipy.signal import lfilter
 
-from hdassist.errors import GUARD, HdassistError
-from hdassist.measuring.measure import measure
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import GUARD, HdassistError
 
 RATIO, ROWS = 30, 60  # input revolutions of the cycle, one output revolution; rows per input revolution at 1 rev/s
 FEW_ROWS = 16

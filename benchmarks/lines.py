@@ -79,7 +79,7 @@ def solved(name: str) -> Callable[[np.ndarray], np.ndarray]:
     name: name in SOLVED.
     """
     from hdassist import load_preset
-    from hdassist.error.cycle import kinematic_error
+    from hdassist.drive.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
     preset, overrides, M_g, turns = SOLVED[name]
@@ -133,11 +133,11 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
 
     task: group and seed of the rig.
     """
-    from hdassist.acceptance.decision import AcceptedValue, decide
-    from hdassist.acceptance.limits import Limit
-    from hdassist.errors import HdassistError
-    from hdassist.measuring.measure import measure
-    from hdassist.measuring.orders import STATED
+    from hdassist.features.acceptance.decision import AcceptedValue, decide
+    from hdassist.features.acceptance.limits import Limit
+    from hdassist.features.measuring.measure import measure
+    from hdassist.features.measuring.orders import STATED
+    from hdassist.run.errors import HdassistError
 
     group, seed = task
     made = rig(group, seed)

@@ -14,7 +14,7 @@ from itertools import permutations
 import numpy as np
 from scipy.special import ive
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 
 POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
 
@@ -29,10 +29,10 @@ def curves(name: str, M_g: float) -> Array:
     from hdassist.belief.draws import meshing_shift
     from hdassist.belief.prior import RIGID_SHIFT
     from hdassist.belief.proposals import open_deviations
-    from hdassist.error.error_map import Batch, error_maps
-    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-    from hdassist.model.deviations import carried
-    from hdassist.mounting.posterior import open_prior
+    from hdassist.drive.error.error_map import Batch, error_maps
+    from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+    from hdassist.drive.model.deviations import carried
+    from hdassist.features.mounting.posterior import open_prior
 
     prior, found = open_prior(load_preset(name)), []
     turns = np.linspace(0, 360, POSITIONS, endpoint=False)

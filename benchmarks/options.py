@@ -21,9 +21,9 @@ from typing import Any
 
 # options take most of the time of a check, and the edited preset does not need them
 WITHOUT_OPTIONS = """
-from hdassist.design import DesignCheck
+from hdassist.features.design import DesignCheck
 DesignCheck.with_steps = lambda self, run: self
-from hdassist.cli import run_command_line
+from hdassist.interface.cli import run_command_line
 run_command_line()
 """
 ANSWERED = (0, 3, 6)  # exit codes of a check with a result

@@ -58,10 +58,10 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     asked: number of the first drives for which a plan is computed.
     draws: effective sample size of a plan.
     """
-    from hdassist.error.cycle import kinematic_error
-    from hdassist.errors import UntrustedError
-    from hdassist.model.geometry import Kinematics
-    from hdassist.planning import choose_plan
+    from hdassist.drive.error.cycle import kinematic_error
+    from hdassist.drive.model.geometry import Kinematics
+    from hdassist.features.planning import choose_plan
+    from hdassist.run.errors import UntrustedError
     from hdassist.run.run import UNCHECKED, Run
 
     rng = np.random.default_rng([seed, number])
@@ -133,17 +133,17 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
     draws: effective sample size of the plan.
     seed: seed of the drives.
     """
-    from hdassist.acceptance.decision import AcceptedValue, decide
-    from hdassist.acceptance.limits import Limit
     from hdassist.belief.prior import prior_of
-    from hdassist.error.cycle import kinematic_error
-    from hdassist.loading import load_preset, load_text, similar_preset
-    from hdassist.measuring.bench import PositionRecord, bench_record, position_quantities, seen_range
-    from hdassist.model.geometry import Kinematics
-    from hdassist.model.rules import first_conflict
-    from hdassist.pages.plan import approach_csv
-    from hdassist.planning import ApproachRun, EncoderData, PlanDemands, ReadingPlan, choose_plan
-    from hdassist.preset.knowledge import read_requirements
+    from hdassist.drive.error.cycle import kinematic_error
+    from hdassist.drive.loading import load_preset, load_text, similar_preset
+    from hdassist.drive.model.geometry import Kinematics
+    from hdassist.drive.model.rules import first_conflict
+    from hdassist.drive.preset.knowledge import read_requirements
+    from hdassist.features.acceptance.decision import AcceptedValue, decide
+    from hdassist.features.acceptance.limits import Limit
+    from hdassist.features.measuring.bench import PositionRecord, bench_record, position_quantities, seen_range
+    from hdassist.features.planning import ApproachRun, EncoderData, PlanDemands, ReadingPlan, choose_plan
+    from hdassist.interface.pages.plan import approach_csv
     from hdassist.readers.table import read_numbers
     from hdassist.run.run import UNCHECKED, Run
 

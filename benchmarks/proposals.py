@@ -51,9 +51,9 @@ def compared(case: tuple[Drive, float]) -> Compared | None:
 
     case: drive and torque [N*m].
     """
-    from hdassist.error.error_map import Batch, ErrorMap
-    from hdassist.error.extremes import many_extremes
-    from hdassist.errors import UntrustedError
+    from hdassist.drive.error.error_map import Batch, ErrorMap
+    from hdassist.drive.error.extremes import many_extremes
+    from hdassist.run.errors import UntrustedError
 
     drive, M_g = case
     try:
@@ -80,8 +80,8 @@ def cases(random: int) -> dict[str, list[tuple[Drive, float]]]:
 def _hard(drive: Drive) -> Iterator[tuple[Drive, float]]:
     import numpy as np
 
-    from hdassist.error.error_map import ErrorMap
-    from hdassist.mounting.positions import rotated
+    from hdassist.drive.error.error_map import ErrorMap
+    from hdassist.features.mounting.positions import rotated
 
     for M_g in drive.operation.M_g:
         error_map = ErrorMap(drive, M_g)

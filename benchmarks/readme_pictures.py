@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.terminal_theme import DIMMED_MONOKAI, TerminalTheme
 from rich.text import Text
 
-from hdassist.explorer.app import without_fonts
+from hdassist.interface.explorer.app import without_fonts
 
 PICTURES = Path(__file__).parents[1] / "docs/pictures"
 SCREENS = {  # commands by name of the picture

@@ -30,17 +30,17 @@ from io import BytesIO
 import numpy as np
 
 from benchmarks.sizes import solved_cycle
-from hdassist.acceptance.decision import AcceptedValue, CoveredCycle, decide
-from hdassist.acceptance.limits import F_IOR, Limit
-from hdassist.errors import SURE, HdassistError, Verdict
-from hdassist.measuring.full_cycle import with_full_cycle
-from hdassist.measuring.measure import SweepResult, measure
-from hdassist.measuring.orders import STATED
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.acceptance.decision import AcceptedValue, CoveredCycle, decide
+from hdassist.features.acceptance.limits import F_IOR, Limit
+from hdassist.features.measuring.full_cycle import with_full_cycle
+from hdassist.features.measuring.measure import SweepResult, measure
+from hdassist.features.measuring.orders import STATED
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.recording.figures import RangeFigure, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
+from hdassist.run.errors import SURE, HdassistError, Verdict
 
 LIMITS = (0.9, 0.97, 1.03, 1.1)  # limits as shares of the true range
 FINE = 400  # points per input revolution at which the true error is computed

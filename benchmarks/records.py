@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.errors import HdassistError
-from hdassist.measuring.measure import Measurement, measure
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import HdassistError
 
 RATIO, ROWS = 30, 60  # input revolutions per output revolution, rows per input revolution
 CAM_COUNTS, OUTPUT_COUNTS = 16384, 4194304

@@ -98,7 +98,7 @@ def hidden_vzp160(seed: int, torques: tuple[float, ...]):
 
     Each value is a list by torque and hole.
     """
-    from hdassist.error.cycle import kinematic_error
+    from hdassist.drive.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
     drive, teeth, _, rng = drive_like_vzp160(seed)
@@ -118,7 +118,7 @@ def hidden_by_data_sheet(seed: int):
 
     The wheel stays, and the deviations fixed to the housing are turned back instead.
     """
-    from hdassist.error.cycle import kinematic_error
+    from hdassist.drive.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
     preset, there, teeth = hidden_drive(np.random.default_rng([1, seed]))
@@ -183,8 +183,8 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
     samples: samples before any value.
     keep: folder of true values, None for no storage.
     """
-    from hdassist.mounting.advice import advise_after
-    from hdassist.mounting.posterior import Trial
+    from hdassist.features.mounting.advice import advise_after
+    from hdassist.features.mounting.posterior import Trial
 
     rng, every = np.random.default_rng([20, seed]), true_values(case, seed, keep)
     true, torques = served_worst(every), list(samples.F_ior_by_torque)
@@ -228,8 +228,8 @@ def judged_by_parts(case: Case, seed: int, keep: Path | None):
 
     A data sheet states no deviation that turns with the wheel, so the wheel stays.
     """
-    from hdassist.mounting.advice import advise
-    from hdassist.mounting.positions import seat_positions
+    from hdassist.features.mounting.advice import advise
+    from hdassist.features.mounting.positions import seat_positions
 
     regret = (true := served_worst(true_values(case, seed, keep))) / true.min() - 1
     if case.order_2 is None:
@@ -273,7 +273,7 @@ def samples_of(case: Case, seed: int, light: bool):
     light: whether all values are measured at the lightest torque.
     """
     from hdassist import load_preset
-    from hdassist.mounting.posterior import TrialSetup, hole_samples
+    from hdassist.features.mounting.posterior import TrialSetup, hole_samples
 
     preset = load_preset("vzp160") if case.order_2 is not None else hidden_drive(np.random.default_rng([1, seed]))[0]
     torques = case.torques if case.order_2 is not None else preset.operation.M_g[:1]

@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.honesty import hidden_drive
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.recording.waves import wave_pairs
 
 FLOOR = 0.02  # smallest size in a profile
@@ -49,8 +49,8 @@ HEAD = """# Prior sizes of the waves of a recording (R6), written by `python -m 
 
 def solved_cycle(number: int, seed: int) -> tuple[int, Array]:
     """Return the ratio of a hidden drive, and its error over the full cycle [arcsec], shape (states,)."""
-    from hdassist.error.cycle import kinematic_error
-    from hdassist.model.geometry import Kinematics
+    from hdassist.drive.error.cycle import kinematic_error
+    from hdassist.drive.model.geometry import Kinematics
     from hdassist.run.run import UNCHECKED
 
     rng = np.random.default_rng([seed, number])

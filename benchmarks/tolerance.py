@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hdassist import Drive
-    from hdassist.tolerance.production import Production
+    from hdassist.features.tolerance.production import Production
 
 HARMONICS = {
     "tolerances.e_b": 10.0, "harmonics.a_g2": 3.0, "harmonics.a_b2": 3.0, "harmonics.a_g3": 1.5, "harmonics.a_b3": 1.5,
@@ -57,8 +57,8 @@ class Drawn:
 
 def production(case: str, drives: int, executor: Executor | None = None) -> Production:
     from hdassist import load_preset
+    from hdassist.features.tolerance.production import Production, production_law
     from hdassist.run.run import Run
-    from hdassist.tolerance.production import Production, production_law
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
     made = Production(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)
@@ -69,8 +69,8 @@ def compare(task: tuple[str, Production, int, int]) -> list[Drawn]:
     import numpy as np
 
     from hdassist import kinematic_error
-    from hdassist.error.error_map import ErrorMap
-    from hdassist.mounting.positions import merit, rotated
+    from hdassist.drive.error.error_map import ErrorMap
+    from hdassist.features.mounting.positions import merit, rotated
     from hdassist.run.run import UNCHECKED
 
     case, made, first, last = task

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hdassist.model.geometry import Array
-    from hdassist.preset.fields import Drive
-    from hdassist.tolerance.production import Production, RandomDrive
+    from hdassist.drive.model.geometry import Array
+    from hdassist.drive.preset.fields import Drive
+    from hdassist.features.tolerance.production import Production, RandomDrive
 
 PRESETS = ("vzp160", "synthetic-160-162")
 SHIPPED = ("size-17-100", "size-65-100", "mvz-80")
@@ -50,8 +50,8 @@ def chunk(task: tuple[Production, int, int]) -> list[RandomDrive]:
 
 def drives(preset: str, finer: bool, count: int, executor: Executor) -> tuple[tuple[float, ...], list[RandomDrive]]:
     from hdassist import load_preset
+    from hdassist.features.tolerance.production import Production, production_law
     from hdassist.run.run import Run
-    from hdassist.tolerance.production import Production, production_law
 
     drive = load_preset(preset)
     teeth = {path: drive.number(path) / 2**0.5 for path in ("tolerances.F_i1", "tolerances.F_i2")}
@@ -120,8 +120,8 @@ def worst_over_best(drive: Drive, M_g: float) -> float:
     """Return the ratio of F'_ior in the worst of twelve holes to that in the best hole."""
     import numpy as np
 
-    from hdassist.error.error_map import Batch, ErrorMap
-    from hdassist.error.extremes import many_extremes
+    from hdassist.drive.error.error_map import Batch, ErrorMap
+    from hdassist.drive.error.extremes import many_extremes
 
     F_ior = many_extremes(ErrorMap(drive, M_g), Batch.turned(drive, np.arange(0, 360, 30.0))).F_ior_arcsec
     return float(F_ior.max() / F_ior.min())

@@ -7,7 +7,7 @@ end_at_stops()
 
 def main() -> None:
     """Run the command line and exit with its exit code."""
-    from hdassist.cli import run_command_line
+    from hdassist.interface.cli import run_command_line
 
     run_command_line()
 

@@ -2,7 +2,7 @@
 
 import os
 
-from hdassist.cli import THREADS
+from hdassist.interface.cli import THREADS
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it; numpy is not loaded yet

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
-from hdassist.cli import THREADS
+from hdassist.interface.cli import THREADS
 from hdassist.run.kept import FOLDER, NO_CACHE
 
 IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ
@@ -22,8 +22,8 @@ from tests.helpers.process import hear_what_is_ignored, keep_answers  # noqa: E4
 
 if TYPE_CHECKING:
     from hdassist import Drive
-    from hdassist.model.geometry import Array
-    from hdassist.solve.formulation import Formulation
+    from hdassist.drive.model.geometry import Array
+    from hdassist.drive.solve.formulation import Formulation
 
 for name in THREADS:
     os.environ.setdefault(name, "1")  # as the command line has it, before numpy is loaded
@@ -32,7 +32,7 @@ settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 hear_what_is_ignored()
 
-from hdassist.solve import loadcase  # noqa: E402 (numpy is loaded by it, with the threads that are set above)
+from hdassist.drive.solve import loadcase  # noqa: E402 (numpy is loaded by it, with the threads that are set above)
 
 _solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
 
@@ -90,7 +90,7 @@ def reference() -> Drive:
 @pytest.fixture(autouse=True)
 def own_files() -> None:
     """Forget the files of the test before: the system may give a new file the number of a deleted one."""
-    from hdassist.files import begin_run
+    from hdassist.run.files import begin_run
 
     begin_run()
 

@@ -6,7 +6,7 @@ from math import atan2, degrees
 import pytest
 
 from benchmarks.bench_pictures import DRAWINGS, FIGURES, HOLES, drawn
-from hdassist.pages.report import CENTRE, HOLE_CIRCLE, at
+from hdassist.interface.pages.report import CENTRE, HOLE_CIRCLE, at
 
 
 def direction(x: float, y: float) -> float:

@@ -21,7 +21,7 @@ EDIT = re.compile(
 )
 EVIDENCE = """
 from hdassist.belief.evidence import evidence_of, log_likelihood, stiffness_figures
-from hdassist.loading import load_preset
+from hdassist.drive.loading import load_preset
 
 drive = load_preset({small!r})
 told, proof = stiffness_figures(drive)

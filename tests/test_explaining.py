@@ -9,17 +9,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from hdassist.acceptance.limits import CHECKS, CODES
-from hdassist.errors import Fault, HdassistError, UsageError, Verdict
-from hdassist.explaining import FAULTS, SYMBOLS, TERMS, entries, explained, latin
-from hdassist.explorer.panes import MARKS
-from hdassist.pages import check as check_page
-from hdassist.pages import curves as curves_page
-from hdassist.preset.fields import field_table, sections
-from hdassist.report import declared_quantities, quantity_table
-from hdassist.terminal.output import with_code
-from hdassist.terminal.plot import MARK_SIGNS
-from hdassist.terminal.words import Texts, texts
+from hdassist.drive.preset.fields import field_table, sections
+from hdassist.features.acceptance.limits import CHECKS, CODES
+from hdassist.features.report import declared_quantities, quantity_table
+from hdassist.interface.explaining import FAULTS, SYMBOLS, TERMS, entries, explained, latin
+from hdassist.interface.explorer.panes import MARKS
+from hdassist.interface.pages import check as check_page
+from hdassist.interface.pages import curves as curves_page
+from hdassist.interface.terminal.output import with_code
+from hdassist.interface.terminal.plot import MARK_SIGNS
+from hdassist.interface.terminal.words import Texts, texts
+from hdassist.run.errors import Fault, HdassistError, UsageError, Verdict
 from tests.conftest import ROOT
 from tests.helpers.process import SMALL, in_a_line, on_terminal, run
 
@@ -115,7 +115,7 @@ residual
 
 
 def test_all_words_of_pages_are_known() -> None:
-    pages = [path.read_text("utf-8") for path in (ROOT / "hdassist/pages").glob("*.py")]
+    pages = [path.read_text("utf-8") for path in (ROOT / "hdassist/interface/pages").glob("*.py")]
     tables = declared_quantities().items()
     declared = {
         each.words
@@ -133,7 +133,7 @@ def test_all_words_of_pages_are_known() -> None:
             explained(word)
         except UsageError:
             unknown.append(word)
-    assert not unknown, "to be explained in hdassist/explaining.toml"
+    assert not unknown, "to be explained in hdassist/interface/explaining.toml"
     assert {"now", "N"} <= {name for entry in explained("N") for name in entry.names}  # beside the number of balls
 
 

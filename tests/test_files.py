@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.errors import UsageError
-from hdassist.files import begin_run, claim_output, note_input
+from hdassist.run.errors import UsageError
+from hdassist.run.files import begin_run, claim_output, note_input
 from tests.helpers.process import CLEAN, TINY, posix_only, run
 
 pytestmark = posix_only("links that any user may make")

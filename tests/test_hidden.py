@@ -8,7 +8,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.files import printable, visible
+from hdassist.run.files import printable, visible
 
 TURNS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}  # of Unicode's bidi classes
 WIDTHLESS = set("\u200b\u200c\u200d\u200e\u200f\u2060\ufeff\u061c\u00ad\u180e")

@@ -5,12 +5,12 @@ from math import inf, isnan
 
 import pytest
 
-from hdassist.acceptance.limits import LimitText
-from hdassist.errors import UsageError
-from hdassist.files import number_of
-from hdassist.measuring.orders import parse_orders, parse_stated
-from hdassist.mounting.posterior import read_trial
-from hdassist.terminal.options import degrees_or_fit
+from hdassist.features.acceptance.limits import LimitText
+from hdassist.features.measuring.orders import parse_orders, parse_stated
+from hdassist.features.mounting.posterior import read_trial
+from hdassist.interface.terminal.options import degrees_or_fit
+from hdassist.run.errors import UsageError
+from hdassist.run.files import number_of
 
 READERS: dict[str, tuple[Callable[[str], object], str]] = {
     "hole of a trial": (lambda text: read_trial(f"h{text}=20", 12), "4"),

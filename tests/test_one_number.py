@@ -10,10 +10,10 @@ from hdassist.belief.draws import turn_of_test_deg
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.correction.correct import correction_of
-from hdassist.correction.forms import CorrectionForm
-from hdassist.error.error_map import ErrorMap
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.correction.correct import correction_of
+from hdassist.features.correction.forms import CorrectionForm
+from hdassist.features.mounting.positions import rotated
 from hdassist.run.run import Run
 from tests.helpers.process import TINY, run
 

@@ -41,7 +41,7 @@ def test_version_changelog_and_citation_are_of_one_release() -> None:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel, unpacked; it was built beside a stray library."""
-    stray = ROOT / "hdassist/solve/stray.so"  # not by a name that a process beside this one would load
+    stray = ROOT / "hdassist/drive/solve/stray.so"  # not by a name that a process beside this one would load
     stray.touch()
     try:
         return build(tmp_path_factory.mktemp("wheel"))
@@ -84,7 +84,7 @@ def test_presets_are_found_in_an_editable_install(tmp_path):
 def test_wheel_holds_the_presets_as_they_are(wheel):
     shipped = {p.name: p.read_bytes() for p in (wheel / "hdassist/presets").glob("*.yaml")}
     assert shipped == {p.name: p.read_bytes() for p in (ROOT / "presets").glob("*.yaml")}
-    for folder in ("hdassist/pages/templates", "hdassist/terminal/languages"):
+    for folder in ("hdassist/interface/pages/templates", "hdassist/interface/terminal/languages"):
         data = [p.name for p in (ROOT / folder).iterdir()]
         assert data
         assert all((wheel / folder / name).read_bytes() == (ROOT / folder / name).read_bytes() for name in data)
@@ -92,13 +92,13 @@ def test_wheel_holds_the_presets_as_they_are(wheel):
     (metadata,) = wheel.glob("*.dist-info/METADATA")
     assert "Requires-Python: >=3.11" in metadata.read_text()
     assert not list(wheel.glob("tests"))
-    assert not (wheel / "hdassist/solve/stray.so").exists()
+    assert not (wheel / "hdassist/drive/solve/stray.so").exists()
 
 
 @pytest.mark.skipif(not HAS_COMPILER, reason="needs a compiler")
 def test_a_wheel_is_compiled_where_there_is_a_compiler(wheel):
     assert [*wheel.parent.glob("*.whl")] and not [*wheel.parent.glob("*-py3-none-any.whl")]
-    libraries = list((wheel / "hdassist/solve").glob("_walk_*"))
+    libraries = list((wheel / "hdassist/drive/solve").glob("_walk_*"))
     assert libraries
     assert all(library.stat().st_size for library in libraries)
 
@@ -106,4 +106,4 @@ def test_a_wheel_is_compiled_where_there_is_a_compiler(wheel):
 def test_a_wheel_is_pure_where_there_is_no_compiler(tmp_path):
     site = build(tmp_path, compiler="/bin/false")
     assert [*tmp_path.glob("*-py3-none-any.whl")]
-    assert not list((site / "hdassist/solve").glob("_walk_*"))
+    assert not list((site / "hdassist/drive/solve").glob("_walk_*"))

@@ -8,10 +8,10 @@ from benchmarks.page import page
 from benchmarks.rows import rows
 from benchmarks.words import NUMPY, REASONS, WALK, WARM_DAQP
 from hdassist import load_preset
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import many_extremes
-from hdassist.model.contacts import contact_system
-from hdassist.solve.formulation import formulate
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import many_extremes
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.solve.formulation import formulate
 from tests.helpers.process import SMALL
 from tests.helpers.support import PROVEN
 

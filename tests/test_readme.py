@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 import hdassist
-from hdassist.cli import COMMANDS
-from hdassist.files import preset_names
+from hdassist.interface.cli import COMMANDS
+from hdassist.run.files import preset_names
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

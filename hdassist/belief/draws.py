@@ -52,22 +52,22 @@ from hdassist.belief.proposals import (
     proposed_draws,
     stiffness_log_likelihoods,
 )
-from hdassist.error.cycle import WITHOUT_EFFECT
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
-from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.readings import ranges_as_tested
-from hdassist.error.stiffness import NEAR_ZERO, Twist
-from hdassist.errors import HdassistError
-from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried, no_hole_better
-from hdassist.model.geometry import Array, Geometry, flank_candidates
-from hdassist.model.rules import first_conflict
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.cycle import WITHOUT_EFFECT
+from hdassist.drive.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.drive.error.readings import ranges_as_tested
+from hdassist.drive.error.stiffness import NEAR_ZERO, Twist
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.model.deviations import carried, no_hole_better
+from hdassist.drive.model.geometry import Array, Geometry, flank_candidates
+from hdassist.drive.model.rules import first_conflict
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve.answers import ARCSEC, EMPTY, Certificate
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.walk import digits_depend_on
+from hdassist.run.errors import HdassistError
 from hdassist.run.kept import ClosedRecord, KeptAnswer, Magnitude, Number
 from hdassist.run.run import Run
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate
-from hdassist.solve.formulation import formulate
-from hdassist.solve.walk import digits_depend_on
 
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 _MOST_WEIGHT = 1e100  # largest weight of a draw, so that squares of weights do not overflow

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
-from hdassist.preset.fields import DEVIATIONS, Drive, Source
-from hdassist.preset.knowledge import ACCURACY_GRADES, SUPPORT_FIELD, with_cam_support
+from hdassist.drive.preset.fields import DEVIATIONS, Drive, Source
+from hdassist.drive.preset.knowledge import ACCURACY_GRADES, SUPPORT_FIELD, with_cam_support
 
 COUPLING = "cam.coupling"
 ASKED_COUPLINGS = ("oldham", "solid")

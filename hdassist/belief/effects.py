@@ -30,19 +30,19 @@ from hdassist.belief.evidence import (
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, even_rows
-from hdassist.error.cycle import WITHOUT_EFFECT
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
-from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
-from hdassist.error.readings import ranges_as_tested
-from hdassist.errors import HdassistError
-from hdassist.model.deviations import carried, no_hole_better
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, deviation_sizes
-from hdassist.preset.knowledge import SUPPORT_FIELD
+from hdassist.drive.error.cycle import WITHOUT_EFFECT
+from hdassist.drive.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.drive.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
+from hdassist.drive.error.readings import ranges_as_tested
+from hdassist.drive.model.deviations import carried, no_hole_better
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import Drive, deviation_sizes
+from hdassist.drive.preset.knowledge import SUPPORT_FIELD
+from hdassist.drive.solve.answers import EMPTY, Certificate
+from hdassist.drive.solve.walk import digits_depend_on
+from hdassist.run.errors import HdassistError
 from hdassist.run.kept import kept_answer
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.walk import digits_depend_on
 
 # smallest gain of an option: increase of the probability or, without a limit, relative reduction of F'_ior
 LEAST_STEP_GAIN = 0.02

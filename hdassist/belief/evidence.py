@@ -21,14 +21,14 @@ from typing import Literal
 import numpy as np
 from scipy.special import ive, logsumexp
 
-from hdassist.error.stiffness import stiffness
-from hdassist.errors import UntrustedError
-from hdassist.model.geometry import Array
-from hdassist.model.rules import turn_of
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.model.rules import turn_of
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve.answers import Certificate
+from hdassist.drive.solve.formulation import Formulation
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.answers import Certificate
-from hdassist.solve.formulation import Formulation
 
 _FREEDOM = 4.0  # degrees of freedom of Student's t
 # relative spread of a catalogue stiffness, in the logarithm: drives of a type, and the misfit of the model

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 
 NO_ERROR = 1e-9  # arcsec; F'_ior of a drive without deviations is smaller
 LEAST_GAIN = 0.01  # smallest gain that pays for a turn, and that makes a hole better than another, as a share of F'_ior

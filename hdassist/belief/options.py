@@ -39,17 +39,17 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples, turned_samples
 from hdassist.belief.statistics import Probability, even_rows, probability_of, weighted_quantile
 from hdassist.belief.steps import influences
-from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, kinematic_error
-from hdassist.error.error_map import error_maps, searchable
-from hdassist.errors import SURE
-from hdassist.model.deviations import carried, no_hole_better, unknown_turn
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
-from hdassist.preset.knowledge import SUPPORT_FIELD
+from hdassist.drive.error.cycle import WITHOUT_EFFECT, KinematicError, kinematic_error
+from hdassist.drive.error.error_map import error_maps, searchable
+from hdassist.drive.model.deviations import carried, no_hole_better, unknown_turn
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.preset.knowledge import SUPPORT_FIELD
+from hdassist.drive.solve.answers import EMPTY, Certificate
+from hdassist.drive.solve.walk import digits_depend_on
+from hdassist.run.errors import SURE
 from hdassist.run.kept import ClosedRecord, kept_answer
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.walk import digits_depend_on
 
 _TRIED_HOLES = 4  # largest number of holes in a trial of some holes
 _PHASORS_OFF = 20  # number of phasors that a stored correction removes, the strongest first

@@ -9,7 +9,7 @@ from hdassist.belief.evidence import evidence_of, measured_errors
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.run.run import Run
 
 _PREDICTED_SHARES = (0.05, 0.95)  # percentiles at the ends of a predicted range
@@ -110,7 +110,7 @@ def beside_prediction(
 
 
 def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
-    """Return a sentence for each value beyond its range, with the same wording as in `mount` (terminal/languages)."""
+    """Return a sentence for each value beyond its range, with the wording of `mount` (interface/terminal/languages)."""
     sentences = []
     for value in compared:
         if not (value.is_above or value.is_below):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.statistics import sobol_points
-from hdassist.model.deviations import MeasuredTeeth, Unknown, assumptions, standing_offset, unknowns
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
-from hdassist.solve.answers import ARCSEC
+from hdassist.drive.model.deviations import MeasuredTeeth, Unknown, assumptions, standing_offset, unknowns
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
+from hdassist.drive.solve.answers import ARCSEC
 
 RIGID_SHIFT = "gears.x_b"
 # Largest profile shift, in modules, by which teeth are closer than just in mesh; at this value K_1 is a third above

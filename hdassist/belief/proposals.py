@@ -3,8 +3,8 @@
 Importance sampling: the weight of each draw is divided by the density with which it was drawn, so that weighted
 statistics remain those of prior and reference data. The density is nowhere below a share of that of the prior.
 
-A table (error/error_map.py) takes as long as some searches, and reading a drive from it almost no time. Turning the
-wheel forwards is equivalent to turning all stationary deviations backwards. Therefore F'_ior of a draw whose
+A table (drive/error/error_map.py) takes as long as some searches, and reading a drive from it almost no time. Turning
+the wheel forwards is equivalent to turning all stationary deviations backwards. Therefore F'_ior of a draw whose
 eccentricity points one step further equals, one position further, that of the original draw. Each draw is read with the
 stationary deviations in all directions, and each of its positions takes only one reading.
 """
@@ -29,13 +29,13 @@ from hdassist.belief.evidence import (
 )
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.statistics import log_error, sobol_points
-from hdassist.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, ErrorTable, Mesh, Reach, error_table
-from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.readings import position_states
-from hdassist.model.deviations import carried, standing_offset
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive, deviation_sizes
-from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.drive.error.error_map import TABLE_SECTIONS, Batch, ErrorMap, ErrorTable, Mesh, Reach, error_table
+from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.drive.error.readings import position_states
+from hdassist.drive.model.deviations import carried, standing_offset
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import Drive, deviation_sizes
+from hdassist.drive.solve.answers import EMPTY, Certificate
 
 _Pilot = Sequence[Mapping[str, float]]  # figures of the first draws, by name
 PILOT_DRAWS = 64  # number of draws from the prior, from which the proposal of further draws is derived

@@ -35,13 +35,13 @@ from hdassist.belief.statistics import (
     probability_of_systems,
     weighted_quantile,
 )
-from hdassist.error.cycle import require_programme
-from hdassist.errors import SURE, UntrustedError
-from hdassist.model.deviations import no_hole_better, unknown_turn
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.cycle import require_programme
+from hdassist.drive.model.deviations import no_hole_better, unknown_turn
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve.answers import EMPTY, Certificate
+from hdassist.run.errors import SURE, UntrustedError
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY, Certificate
 
 EFFECTIVE_SAMPLES = 64  # default effective sample size
 FEWEST_SAMPLES = 8  # smallest effective sample size that is accepted after the largest number of draws

@@ -17,8 +17,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
-from hdassist.errors import SURE, Verdict, is_settled, percent_text, verdict_by_probability
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.run.errors import SURE, Verdict, is_settled, percent_text, verdict_by_probability
 
 RESOLVED_ERROR = 1e-3  # arcsec; smaller errors are not resolved
 CONFIDENCE = 0.9  # confidence level of the interval of a probability, with 5 % beyond each end

@@ -19,8 +19,8 @@ from scipy.special import fdtrc
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, log_error
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import DEVIATIONS
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import DEVIATIONS
 
 _CHANCE_OF_INFLUENCE = 0.05  # probability that some group enters although none has an influence
 # the effect of single teeth depends on all of these together, so columns of single ones would be random

@@ -22,8 +22,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, isfinite, isnan, nan, radians
 
-from hdassist.errors import DataError
-from hdassist.files import number_of
+from hdassist.run.errors import DataError
+from hdassist.run.files import number_of
 
 SIDEREAL_ARCSEC_S = 15.041067  # arcsec/s: speed of an axis that follows the sky
 _BEGINNINGS = ("Guiding Begins", "Calibration Begins")  # first words of a section, which are followed by its head

@@ -35,12 +35,10 @@ from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
-from hdassist.errors import UsageError
-from hdassist.files import Readable
-from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import IN_TEETH, Drive, is_overridden
-from hdassist.preset.text import UnitError, near_miss
+from hdassist.drive.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.fields import IN_TEETH, Drive, is_overridden
+from hdassist.drive.preset.text import UnitError, near_miss
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import (
     AMBIGUOUS,
@@ -52,6 +50,8 @@ from hdassist.readers.words import (
     names_teeth,
     plain_unit,
 )
+from hdassist.run.errors import UsageError
+from hdassist.run.files import Readable
 
 _LEAST_RANGE = 0.5  # um: smallest plausible range of the deviations of a wheel
 _LARGEST_RANGE = 1000.0  # um: largest plausible range of the deviations of a wheel

@@ -23,9 +23,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, Finding, PresetError, UsageError
-from hdassist.files import GREATEST, MAX_LINE, Readable, TextFile, number_of
-from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
+from hdassist.drive.preset.text import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.guiding import SIDEREAL_ARCSEC_S, GuideForm, guide_rows
 from hdassist.readers.words import (
     ANGLES,
@@ -56,6 +54,8 @@ from hdassist.readers.words import (
     unclosed_quote,
     unit_in,
 )
+from hdassist.run.errors import DataError, Finding, PresetError, UsageError
+from hdassist.run.files import GREATEST, MAX_LINE, Readable, TextFile, number_of
 
 _MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines from which the form of the rows is determined

@@ -16,10 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, PresetError, UntrustedError, UsageError
-from hdassist.files import Readable
-from hdassist.model.geometry import Array
-from hdassist.preset.text import UnitError
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.text import UnitError
 from hdassist.readers.guiding import GuideForm
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import (
@@ -32,6 +30,8 @@ from hdassist.readers.words import (
     quantity_of,
     unit_in,
 )
+from hdassist.run.errors import DataError, PresetError, UntrustedError, UsageError
+from hdassist.run.files import Readable
 
 WHOLE_TURN_DEG = 360.0
 _COUNTER_BITS = (16, 24, 32)  # bits of counters that restart when they overflow

@@ -12,8 +12,8 @@ from itertools import chain, pairwise
 from math import isnan
 from typing import NamedTuple
 
-from hdassist.files import NUMBER, number_of, package_table
-from hdassist.preset.text import UnitError, convert, near_miss
+from hdassist.drive.preset.text import UnitError, convert, near_miss
+from hdassist.run.files import NUMBER, number_of, package_table
 
 _TABLE = package_table("readers/words.toml")
 ANGLES: dict[str, float] = _TABLE["angles"]

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 
 _Indices = NDArray[np.int64]
 _CHANCE = 1e-3  # probability per recording of a component due to noise

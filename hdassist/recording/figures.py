@@ -39,11 +39,11 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv, ndtr
 
 from hdassist.belief.statistics import CONFIDENCE, Probability, probability_by_share
-from hdassist.errors import SURE, UsageError, Verdict
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.recording.posterior import ENOUGH_SAMPLES, AmplitudePosterior, effective_samples
 from hdassist.recording.sizes import FINE_ORDER, rest_profile
 from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, parabola_peak, visited_places
+from hdassist.run.errors import SURE, UsageError, Verdict
 
 _CHUNK = 50  # number of curves computed at a time, to limit memory
 _CELLS = 36  # number of cells into which the cycle is divided; one or several form the part to record next

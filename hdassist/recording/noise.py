@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 
 _Indices = NDArray[np.int64]
 _CHANCE_SIGMAS = 3.0  # number of standard errors within which a correlation counts as 0

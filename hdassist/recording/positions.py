@@ -25,9 +25,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdassist.errors import DataError
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
+from hdassist.run.errors import DataError
 
 _Indices = NDArray[np.int64]
 # largest denominator of the ratio, in output revolutions; longer cycles are not recorded in practice

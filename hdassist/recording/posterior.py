@@ -54,8 +54,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.sparse.csgraph import connected_components
 
-from hdassist.errors import Fault, UntrustedError
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.recording.components import (
     MOST_COMPONENTS,
     NO_COMPONENTS,
@@ -79,6 +78,7 @@ from hdassist.recording.waves import (
     visited_places,
     wave_pairs,
 )
+from hdassist.run.errors import Fault, UntrustedError
 
 _Indices = NDArray[np.int64]
 # effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.files import package_table
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.recording.waves import USUAL_SIDEBANDS
+from hdassist.run.files import package_table
 
 _Indices = NDArray[np.int64]
 _FREEDOM = 3.0  # degrees of freedom nu: tails like x^-4, so that a wave far above its profile is not shrunk

@@ -25,7 +25,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]

@@ -31,9 +31,9 @@ from platformdirs import user_cache_path
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist import __version__
-from hdassist.errors import DataError, Fault, UsageError, validation_words
-from hdassist.files import in_place_of, is_file, is_there, os_reason, printable
 from hdassist.run import system
+from hdassist.run.errors import DataError, Fault, UsageError, validation_words
+from hdassist.run.files import in_place_of, is_file, is_there, os_reason, printable
 from hdassist.run.stops import at_stop
 from hdassist.run.system import PrivateFolder, UnsafeFolderError, private_folder
 

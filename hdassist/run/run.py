@@ -27,7 +27,7 @@ from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from hdassist.errors import DataError, Fault, UntrustedError, UsageError
+from hdassist.run.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.run.stops import at_stop
 from hdassist.run.system import (
     STOPS,

@@ -8,19 +8,19 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hdassist.acceptance.answer import answer_json
-from hdassist.acceptance.decision import predict, quantities
-from hdassist.acceptance.limits import limits_of
-from hdassist.design import check
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import estimated_cycle
-from hdassist.errors import Verdict
-from hdassist.loading import load_preset
-from hdassist.model.geometry import Kinematics
-from hdassist.pages.check import check_report
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import estimated_cycle
+from hdassist.drive.loading import load_preset
+from hdassist.drive.model.geometry import Kinematics
+from hdassist.features.acceptance.answer import answer_json
+from hdassist.features.acceptance.decision import predict, quantities
+from hdassist.features.acceptance.limits import limits_of
+from hdassist.features.design import check
+from hdassist.interface.pages.check import check_report
+from hdassist.interface.terminal.output import report_object
 from hdassist.readers.pitch import WheelFiles
+from hdassist.run.errors import Verdict
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.output import report_object
 from tests.helpers.acceptances import accept
 from tests.helpers.process import TINY, in_a_line, run
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.acceptance.accept import answer_row
-from hdassist.acceptance.answer import AcceptAnswer, answer_differences, answer_json, read_answers
-from hdassist.acceptance.request import LotRow, Request, read_lot
-from hdassist.errors import Fault
+from hdassist.features.acceptance.accept import answer_row
+from hdassist.features.acceptance.answer import AcceptAnswer, answer_differences, answer_json, read_answers
+from hdassist.features.acceptance.request import LotRow, Request, read_lot
+from hdassist.run.errors import Fault
 from tests.helpers.process import SMALL, run
 
 FAULTS = """\

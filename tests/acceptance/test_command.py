@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.acceptance.decision import GUARD
+from hdassist.features.acceptance.decision import GUARD
 from tests.helpers.process import SMALL, TINY, in_a_line, run
 from tests.helpers.rigs import drive_error, text, whole_range
 

@@ -10,9 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hdassist.acceptance.decision import GUARD, AcceptedValue, Belief, decide
-from hdassist.acceptance.limits import Limit, limits_of
-from hdassist.pages.accept import accept_report
+from hdassist.features.acceptance.decision import GUARD, AcceptedValue, Belief, decide
+from hdassist.features.acceptance.limits import Limit, limits_of
+from hdassist.interface.pages.accept import accept_report
 from tests.helpers.acceptances import accept, stated, tiny
 from tests.helpers.paper import on_paper
 from tests.helpers.process import SMALL, run

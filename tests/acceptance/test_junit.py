@@ -9,10 +9,10 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
-from hdassist.acceptance.accept import answer_rows
-from hdassist.acceptance.answer import AcceptAnswer, lot_summary
-from hdassist.acceptance.request import Request, read_lot
-from hdassist.pages.accept import csv, junit
+from hdassist.features.acceptance.accept import answer_rows
+from hdassist.features.acceptance.answer import AcceptAnswer, lot_summary
+from hdassist.features.acceptance.request import Request, read_lot
+from hdassist.interface.pages.accept import csv, junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\

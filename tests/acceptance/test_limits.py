@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.acceptance.limits import CHECKS, CODES, Limit, LimitText, limits_of
-from hdassist.acceptance.request import stated_values
-from hdassist.errors import PresetError, UsageError
-from hdassist.loading import load_text
-from hdassist.pages.accept import number
+from hdassist.drive.loading import load_text
+from hdassist.features.acceptance.limits import CHECKS, CODES, Limit, LimitText, limits_of
+from hdassist.features.acceptance.request import stated_values
+from hdassist.interface.pages.accept import number
+from hdassist.run.errors import PresetError, UsageError
 from tests.helpers.acceptances import stated, tiny
 from tests.helpers.process import TINY
 

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.acceptance import accept as lotwork
-from hdassist.acceptance.answer import ANSWERS, answer_differences, read_answers
-from hdassist.acceptance.request import Request
-from hdassist.commands.acceptance import AcceptOptions, accept_lot
+from hdassist.features.acceptance import accept as lotwork
+from hdassist.features.acceptance.answer import ANSWERS, answer_differences, read_answers
+from hdassist.features.acceptance.request import Request
+from hdassist.interface.commands.acceptance import AcceptOptions, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.helpers.process import CLEAN, COMMAND, SMALL, TINY, in_a_line, run
 from tests.helpers.rigs import drive_error, text

@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from hdassist.acceptance.answer import read_answers
-from hdassist.acceptance.request import Request, read_lot
-from hdassist.errors import DataError
+from hdassist.features.acceptance.answer import read_answers
+from hdassist.features.acceptance.request import Request, read_lot
+from hdassist.run.errors import DataError
 from tests.helpers.answers import validator_of
 from tests.helpers.process import SMALL, run
 from tests.helpers.rigs import text

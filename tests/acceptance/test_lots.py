@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from scipy.special import betaincinv
 
 from hdassist import __version__
-from hdassist.acceptance import accept as lotwork
-from hdassist.acceptance import request as requests
-from hdassist.acceptance.accept import answer_row, answer_rows, failure_of, predicted
-from hdassist.acceptance.answer import (
+from hdassist.features.acceptance import accept as lotwork
+from hdassist.features.acceptance import request as requests
+from hdassist.features.acceptance.accept import answer_row, answer_rows, failure_of, predicted
+from hdassist.features.acceptance.answer import (
     RELATIVE,
     answer_differences,
     answer_json,
@@ -27,12 +27,12 @@ from hdassist.acceptance.answer import (
     read_answers,
     still_stands,
 )
-from hdassist.acceptance.request import LotRow, Request, is_lot, read_lot
-from hdassist.errors import DataError, PresetError, UsageError, Verdict
-from hdassist.measuring.measure import Reading
-from hdassist.pages.accept import csv as figures
-from hdassist.pages.accept import lot_report, title
+from hdassist.features.acceptance.request import LotRow, Request, is_lot, read_lot
+from hdassist.features.measuring.measure import Reading
+from hdassist.interface.pages.accept import csv as figures
+from hdassist.interface.pages.accept import lot_report, title
 from hdassist.readers.pitch import WheelFiles
+from hdassist.run.errors import DataError, PresetError, UsageError, Verdict
 from tests.helpers.paper import on_paper
 from tests.helpers.process import SMALL, TINY
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.acceptance.answer import answer_json
-from hdassist.acceptance.decision import predict
-from hdassist.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
-from hdassist.acceptance.request import Request, read_lot, stated_values
-from hdassist.design import check
-from hdassist.error.stiffness import stiffness
-from hdassist.error.waves import orders, trace, turn_range_arcsec
-from hdassist.errors import DataError, UsageError
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.error.waves import orders, trace, turn_range_arcsec
+from hdassist.features.acceptance.answer import answer_json
+from hdassist.features.acceptance.decision import predict
+from hdassist.features.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
+from hdassist.features.acceptance.request import Request, read_lot, stated_values
+from hdassist.features.design import check
+from hdassist.run.errors import DataError, UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.acceptances import accept, stated, tiny
 from tests.helpers.process import TINY

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdassist.acceptance.answer import answer_json
-from hdassist.acceptance.decision import GUARD
-from hdassist.acceptance.limits import limits_of
-from hdassist.acceptance.request import Request, torque_and_file
-from hdassist.errors import DataError, UsageError
-from hdassist.measuring.full_cycle import full_cycle, with_full_cycle
-from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import STATED
-from hdassist.pages.accept import accept_report
+from hdassist.features.acceptance.answer import answer_json
+from hdassist.features.acceptance.decision import GUARD
+from hdassist.features.acceptance.limits import limits_of
+from hdassist.features.acceptance.request import Request, torque_and_file
+from hdassist.features.measuring.full_cycle import full_cycle, with_full_cycle
+from hdassist.features.measuring.measure import measure
+from hdassist.features.measuring.orders import STATED
+from hdassist.interface.pages.accept import accept_report
+from hdassist.run.errors import DataError, UsageError
 from tests.helpers.acceptances import accept, small, stated, tiny
 from tests.helpers.paper import facts_of
 from tests.helpers.process import TINY

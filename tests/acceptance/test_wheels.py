@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.acceptance.answer import ANSWERS
+from hdassist.features.acceptance.answer import ANSWERS
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.kept import KeptOwner, open_kept
 from tests.helpers.acceptances import accept

@@ -9,10 +9,10 @@ from hdassist.belief.evidence import accuracy_evidence, evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import TableEffort, tabled_errors
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
-from hdassist.error.extremes import DRAWN_GRIDS
-from hdassist.error.readings import position_states, ranges_as_tested
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.drive.error.extremes import DRAWN_GRIDS
+from hdassist.drive.error.readings import position_states, ranges_as_tested
+from hdassist.features.mounting.positions import rotated
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY
 from tests.helpers.support import PROVEN

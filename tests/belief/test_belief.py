@@ -19,12 +19,12 @@ from hdassist.belief.statistics import (
     weighted_quantile,
 )
 from hdassist.belief.steps import columns_of, influences, measurements, shares_of_variance
-from hdassist.calibration import CalibrationTarget, predictions
-from hdassist.error.extremes import extremes_of
-from hdassist.error.stiffness import stiffness
-from hdassist.errors import UntrustedError, Verdict, percent_text, verdict_by_probability
-from hdassist.model.deviations import unknowns
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.extremes import extremes_of
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.model.deviations import unknowns
+from hdassist.features.calibration import CalibrationTarget, predictions
+from hdassist.features.mounting.positions import rotated
+from hdassist.run.errors import UntrustedError, Verdict, percent_text, verdict_by_probability
 from hdassist.run.run import Run
 from tests.helpers.process import TINY
 from tests.helpers.support import PROVEN

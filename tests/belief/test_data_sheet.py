@@ -7,7 +7,7 @@ from hdassist.belief.evidence import evidence_of, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import effective_number, weighted_quantile
-from hdassist.loading import load_text
+from hdassist.drive.loading import load_text
 from hdassist.run.run import Run
 from tests.helpers.process import run
 

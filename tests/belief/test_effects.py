@@ -9,9 +9,9 @@ import pytest
 from hdassist import load_preset
 from hdassist.belief import effects
 from hdassist.belief.effects import Effect, _donors, _undecided
-from hdassist.design import check
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import seat_positions
+from hdassist.features.design import check
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import seat_positions
 from tests.belief.test_steps import OPEN, SIZES
 from tests.helpers.process import TINY
 

@@ -11,8 +11,8 @@ from hdassist.belief.draws import Sampling
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
-from hdassist.loading import load_text, with_found_values
-from hdassist.variants import differently_open
+from hdassist.drive.loading import load_text, with_found_values
+from hdassist.features.preset_comparison import differently_open
 from tests.helpers.process import TINY, run
 
 ROWS = [(18.0, 2000.0), (16.0, 2300.0), (19.0, 1900.0), (17.0, 2100.0)]

@@ -18,10 +18,10 @@ from hdassist.belief import draws
 from hdassist.belief.evidence import Evidence, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.errors import UntrustedError
+from hdassist.drive.solve.loadcase import LoadCase
 from hdassist.run import kept
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import Run
-from hdassist.solve.loadcase import LoadCase
 from tests.helpers import process
 from tests.helpers.process import TINY, keep_answers, posix_only, run
 
@@ -252,7 +252,7 @@ def test_cached_results_depend_on_the_source_compiled_or_not(tmp_path):
     first = source()
     assert list(copy.rglob("*.pyc"))
     assert source() == first != b""
-    (copy / "solve" / "walk.c").write_text("/* another */")
+    (copy / "drive" / "solve" / "walk.c").write_text("/* another */")
     assert source() != first
 
 
@@ -290,7 +290,7 @@ def test_self_error_and_steps_are_the_same_kept_as_computed(folder, monkeypatch)
     first = run(*asked).stdout
     assert {path.name.partition("-")[0] for path in folder.iterdir()} >= {"self", "options", "samples", "again"}
     solved = []
-    monkeypatch.setattr("hdassist.error.cycle.ContactSystems", lambda *_: solved.append(1))
+    monkeypatch.setattr("hdassist.drive.error.cycle.ContactSystems", lambda *_: solved.append(1))
     assert run(*asked).stdout == first
     assert not solved
     for path in folder.glob("self-*"):

@@ -23,9 +23,9 @@ from hdassist.belief.evidence import (
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.error.error_map import ErrorMap
-from hdassist.errors import UntrustedError, Verdict
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.mounting.positions import rotated
+from hdassist.run.errors import UntrustedError, Verdict
 from tests.helpers.process import TINY
 
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"

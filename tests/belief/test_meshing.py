@@ -8,10 +8,10 @@ from hdassist.belief.draws import meshing_shift
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import PRELOAD, RIGID_SHIFT, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.error.stiffness import stiffness
-from hdassist.loading import load_text, similar_preset
-from hdassist.model.rules import first_conflict
-from hdassist.preset.knowledge import read_requirements
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.model.rules import first_conflict
+from hdassist.drive.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED
 
 FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=32, batch=8)

@@ -9,7 +9,7 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, deviation_sets, draw_samples
 from hdassist.belief.statistics import probability_of, probability_of_systems
-from hdassist.error.error_map import ErrorMap
+from hdassist.drive.error.error_map import ErrorMap
 from tests.helpers.process import TINY
 from tests.helpers.support import PROVEN
 

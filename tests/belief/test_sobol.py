@@ -45,7 +45,7 @@ def test_the_shares_of_a_prior_import_no_scipy_stats():
     code = """
 import sys
 from hdassist.belief.prior import prior_of
-from hdassist.loading import load_preset
+from hdassist.drive.loading import load_preset
 prior_of(load_preset("vzp160")).shares(64)
 print("scipy.stats" in sys.modules)
 """

@@ -7,11 +7,11 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.options import steps_of
-from hdassist.correction.correct import correct
-from hdassist.correction.forms import CorrectionForm
-from hdassist.design import DesignCheck, check
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import seat_positions
+from hdassist.features.correction.correct import correct
+from hdassist.features.correction.forms import CorrectionForm
+from hdassist.features.design import DesignCheck, check
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import seat_positions
 from tests.helpers.process import TINY, run
 
 OPEN = (

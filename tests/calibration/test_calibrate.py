@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration import F_ior_at_phases, calibrate, phase_scan, predictions, read_targets
-from hdassist.error.error_map import ErrorMap
-from hdassist.error.stiffness import stiffness
-from hdassist.errors import UntrustedError
-from hdassist.pages.data import calibrate_report
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.features.calibration import F_ior_at_phases, calibrate, phase_scan, predictions, read_targets
+from hdassist.interface.pages.data import calibrate_report
+from hdassist.interface.terminal.output import report_object
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.terminal.output import report_object
 from tests.helpers.process import SMALL
 
 ONE = 1  # start: least squares from the best point alone, where sets that lie far from it are not the point

@@ -3,8 +3,8 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration import read_targets
-from hdassist.errors import PresetError
+from hdassist.features.calibration import read_targets
+from hdassist.run.errors import PresetError
 from tests.helpers.process import SMALL
 
 GOOD = """\

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.commands import data as doctor
+from hdassist.interface.commands import data as doctor
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import run
 

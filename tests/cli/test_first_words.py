@@ -12,7 +12,7 @@ COMMANDS = (
 )
 LOOK = """
 import sys
-from hdassist.terminal.output import Output
+from hdassist.interface.terminal.output import Output
 
 def look(*_args, **_options):
     print(sorted({"numpy", "scipy"} & {*sys.modules}))
@@ -20,7 +20,7 @@ def look(*_args, **_options):
 
 Output.progress = Output.run = look
 sys.argv = ["hdassist", *sys.argv[1:]]
-from hdassist.cli import run_command_line
+from hdassist.interface.cli import run_command_line
 run_command_line()
 """
 

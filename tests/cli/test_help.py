@@ -7,8 +7,8 @@ from importlib import import_module
 
 import pytest
 
-from hdassist.cli import COMMANDS, OTHER_NAMES, module_of
-from hdassist.terminal.options import DECLARED, OptionGroup
+from hdassist.interface.cli import COMMANDS, OTHER_NAMES, module_of
+from hdassist.interface.terminal.options import DECLARED, OptionGroup
 from tests.helpers.process import on_terminal, run
 
 NAMES = sorted({*COMMANDS} - {"presets"})
@@ -118,14 +118,14 @@ def test_help_loads_no_command() -> None:
     code = """
 import sys
 from importlib import import_module
-from hdassist.cli import app
+from hdassist.interface.cli import app
 app(["--help"], standalone_mode=False)
 loaded = {name.removeprefix("hdassist.") for name in sys.modules if name.startswith("hdassist.")}
 assert not loaded & {module_of(name).removeprefix("hdassist.") for name in COMMANDS}, loaded
 assert not {"numpy", "pydantic"} & {*sys.modules}
 """
     subprocess.run(
-        [sys.executable, "-c", "from hdassist.cli import COMMANDS, OTHER_NAMES, module_of" + code], check=True
+        [sys.executable, "-c", "from hdassist.interface.cli import COMMANDS, OTHER_NAMES, module_of" + code], check=True
     )
 
 

@@ -5,8 +5,8 @@ from unittest import mock
 
 import pytest
 
-from hdassist.cli import COMMANDS, OTHER_NAMES
-from hdassist.commands.data import DoctorFinding
+from hdassist.interface.cli import COMMANDS, OTHER_NAMES
+from hdassist.interface.commands.data import DoctorFinding
 from tests.helpers.process import TINY, run
 
 ARGUMENTS = {  # of each command that takes a preset
@@ -74,7 +74,9 @@ def test_the_object_takes_the_place_of_no_rows(tmp_path) -> None:
 
 
 def test_an_answer_is_followed_by_no_error_object() -> None:
-    with mock.patch("hdassist.commands.data.self_test", lambda: DoctorFinding("self-test", "broken", "far off")):
+    with mock.patch(
+        "hdassist.interface.commands.data.self_test", lambda: DoctorFinding("self-test", "broken", "far off")
+    ):
         done = run("doctor", "--json")
     assert done.returncode == 5
     assert "error" not in json.loads(done.stdout)

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from hdassist.errors import UsageError
-from hdassist.terminal.options import limits_of_options
+from hdassist.interface.terminal.options import limits_of_options
+from hdassist.run.errors import UsageError
 from tests.helpers.process import TINY, run
 
 HOLDS_F_IOR = ("check", "report", "tolerance", "sensitivity", "allocate")

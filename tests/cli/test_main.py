@@ -29,7 +29,7 @@ def test_help_imports_nothing_heavy(args):
     code = (
         "import sys\n"
         f"sys.argv = ['hdassist', *{args!r}]\n"
-        "from hdassist.cli import run_command_line\n"
+        "from hdassist.interface.cli import run_command_line\n"
         "try:\n    run_command_line()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
         "heavy = {'numpy', 'scipy', 'cvxpy', 'daqp', 'yaml'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
@@ -51,7 +51,7 @@ def test_help_starts_with_examples(command):
 
 
 def breaking(error: Exception, *args: str) -> subprocess.CompletedProcess[str]:
-    with mock.patch("hdassist.design.check", side_effect=error):
+    with mock.patch("hdassist.features.design.check", side_effect=error):
         return run("check", SMALL, *args)
 
 

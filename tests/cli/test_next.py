@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from hdassist.cli import OTHER_NAMES, app
-from hdassist.terminal.options import CardOptions, RowsOptions
+from hdassist.interface.cli import OTHER_NAMES, app
+from hdassist.interface.terminal.options import CardOptions, RowsOptions
 from tests.helpers.process import TINY, in_a_line, run
 from tests.helpers.rigs import even_wave, text
 

@@ -15,11 +15,11 @@ from typer.testing import CliRunner, Result
 
 from hdassist import __version__
 from hdassist.belief.evidence import evidence_of
-from hdassist.cli import app
-from hdassist.errors import DataError, HdassistError, PresetError, UsageError
-from hdassist.files import preset_names, read_preset
-from hdassist.loading import SCHEMA_FILE, load_text
-from hdassist.preset.fields import Drive, field_table, origin_counts
+from hdassist.drive.loading import SCHEMA_FILE, load_text
+from hdassist.drive.preset.fields import Drive, field_table, origin_counts
+from hdassist.interface.cli import app
+from hdassist.run.errors import DataError, HdassistError, PresetError, UsageError
+from hdassist.run.files import preset_names, read_preset
 from tests.helpers.process import on_terminal
 
 ROOT = Path(__file__).parents[2]
@@ -230,13 +230,13 @@ def test_new_writes_a_file_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("arguments", [["--help"], ["show", "--help"], ["validate", "--help"]])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     code = (
-        "import sys; from typer.testing import CliRunner; from hdassist.cli import app\n"
+        "import sys; from typer.testing import CliRunner; from hdassist.interface.cli import app\n"
         f"assert CliRunner().invoke(app, {['presets', *arguments]}).exit_code == 0\n"
         "print(*sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
     loaded = set(run.stdout.split())
-    assert not ({"yaml", "numpy", "cvxpy", "hdassist.preset.fields"}) & loaded
+    assert not ({"yaml", "numpy", "cvxpy", "hdassist.drive.preset.fields"}) & loaded
 
 
 @pytest.mark.thorough

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.record import Alignment
-from hdassist.correction.correct import correction_alone
-from hdassist.correction.forms import CorrectionForm, Phasors
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import POINTS_A_TURN, error_lines
-from hdassist.measuring.measure import measure
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import POINTS_A_TURN, error_lines
+from hdassist.features.correction.correct import correction_alone
+from hdassist.features.correction.forms import CorrectionForm, Phasors
+from hdassist.features.measuring.measure import measure
+from hdassist.features.record_comparison.record import Alignment
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY, in_a_line, run
 from tests.helpers.rigs import recorded

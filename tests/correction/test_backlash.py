@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.correction.backlash import BACKLASH_FORMATS
+from hdassist.features.correction.backlash import BACKLASH_FORMATS
 from tests.helpers.process import run
 
 BACKLASH_ARCSEC, PERIODIC_ARCSEC = 12.0, 20.0

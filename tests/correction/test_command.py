@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.pages.compensate import UNPROVEN
+from hdassist.interface.pages.compensate import UNPROVEN
 from tests.helpers.process import TINY, in_a_line, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")

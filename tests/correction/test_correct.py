@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.correction.correct import IN_PLACE, TURN_LOST, correct
-from hdassist.correction.forms import (
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import POINTS_A_TURN, error_lines
+from hdassist.features.correction.correct import IN_PLACE, TURN_LOST, correct
+from hdassist.features.correction.forms import (
     CorrectionForm,
     CorrectionTable,
     between_points,
@@ -17,8 +19,6 @@ from hdassist.correction.forms import (
     phasors_of,
     table_values,
 )
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL, TINY
 

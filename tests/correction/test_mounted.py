@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.correction.correct import advice_corrected
-from hdassist.correction.forms import CorrectionForm, form_of_text
-from hdassist.errors import UsageError
-from hdassist.mounting.advice import advise
-from hdassist.mounting.decision import Decision
-from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.features.correction.correct import advice_corrected
+from hdassist.features.correction.forms import CorrectionForm, form_of_text
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.decision import Decision
+from hdassist.features.mounting.positions import rotated, seat_positions
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY, in_a_line, run
 

@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hdassist.comparing.record import Alignment
-from hdassist.correction.correct import Correction, correction_alone
-from hdassist.correction.forms import CorrectionForm, CorrectionTable
-from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import measure
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.correction.correct import Correction, correction_alone
+from hdassist.features.correction.forms import CorrectionForm, CorrectionTable
+from hdassist.features.measuring.measure import measure
+from hdassist.features.record_comparison.record import Alignment
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import UntrustedError
 from tests.helpers.process import run
 
 RATIO, PER_TURN, POINTS = 30, 40, 120

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.record import Alignment
-from hdassist.correction.correct import IN_PLACE, correct
-from hdassist.correction.forms import CorrectionForm
-from hdassist.correction.records import RecordedError, recorded_error, shrunk, solved_error
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import POINTS_A_TURN, error_lines
-from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import measure
-from hdassist.model.geometry import Kinematics
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import POINTS_A_TURN, error_lines
+from hdassist.drive.model.geometry import Kinematics
+from hdassist.features.correction.correct import IN_PLACE, correct
+from hdassist.features.correction.forms import CorrectionForm
+from hdassist.features.correction.records import RecordedError, recorded_error, shrunk, solved_error
+from hdassist.features.measuring.measure import measure
+from hdassist.features.record_comparison.record import Alignment
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY, in_a_line, run
 from tests.helpers.rigs import recorded

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.waves import POINTS_A_TURN, error_lines
+from hdassist.drive.error.waves import POINTS_A_TURN, error_lines
 from tests.helpers.process import TINY, in_a_line, run
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7")
@@ -38,7 +38,7 @@ def bench(tmp_path_factory):
     cam = 2 * np.pi * np.arange(len(error)) / TURN
     taken = sum(size * np.cos(often * cam + np.radians(phase)) for size, often, phase in lines)
     # its sense was held just now: half of the work of each command
-    with mock.patch("hdassist.correction.records.require_sense"):
+    with mock.patch("hdassist.features.correction.records.require_sense"):
         yield folder, error, before, taken
 
 

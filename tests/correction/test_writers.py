@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.correction.forms import CorrectionTable, ExpectedResidual
-from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
-from hdassist.errors import UsageError
+from hdassist.features.correction.forms import CorrectionTable, ExpectedResidual
+from hdassist.features.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
+from hdassist.run.errors import UsageError
 from tests.correction import controllers
 from tests.helpers.process import TINY, run
 

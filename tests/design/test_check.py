@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hdassist import __version__, kinematic_error, load_preset, self_error
-from hdassist.solve.walk import walk_library
+from hdassist.drive.solve.walk import walk_library
 from tests.helpers.process import CLEAN, COMMAND, TINY, in_a_line, interrupted, run, run_cold
 
 

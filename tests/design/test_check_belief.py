@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.design import check
-from hdassist.errors import Verdict
-from hdassist.pages.check import check_report, steps_tables
+from hdassist.features.design import check
+from hdassist.interface.pages.check import check_report, steps_tables
+from hdassist.interface.terminal.output import report_object
+from hdassist.run.errors import Verdict
 from hdassist.run.run import Run
-from hdassist.terminal.output import report_object
 from tests.helpers.process import SMALL, TINY, run
 
 PLAY = "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}"

@@ -179,7 +179,7 @@ def test_progress_shows_on_a_terminal_only():
     _, page = on_terminal(*work, columns=80)
     assert "small" in page
     assert "%" in page
-    with mock.patch("hdassist.terminal.output.BAR_PATIENCE", 0.0):
+    with mock.patch("hdassist.interface.terminal.output.BAR_PATIENCE", 0.0):
         assert run("check", TINY, "-q").stderr == ""
 
 

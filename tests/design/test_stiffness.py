@@ -10,11 +10,11 @@ import re
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.stiffness import Stiffness, stiffness
-from hdassist.pages.curves import stiffness_report, stiffness_warnings
+from hdassist.drive.error.stiffness import Stiffness, stiffness
+from hdassist.interface.pages.curves import stiffness_report, stiffness_warnings
+from hdassist.interface.terminal.page import report_page
+from hdassist.interface.terminal.streams import Style, console
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.page import report_page
-from hdassist.terminal.streams import Style, console
 from tests.helpers.process import SMALL, TINY, in_a_line, run
 
 

@@ -22,11 +22,11 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from hdassist import load_preset
-from hdassist.design import Sweep, collect, read_axes
-from hdassist.errors import DataError
-from hdassist.files import read_preset
+from hdassist.features.design import Sweep, collect, read_axes
+from hdassist.interface.terminal import streams
+from hdassist.run.errors import DataError
+from hdassist.run.files import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from hdassist.terminal import streams
 from tests.helpers.process import CLEAN, COMMAND, SMALL, ends, in_a_line, run, run_cold
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")

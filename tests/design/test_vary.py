@@ -7,8 +7,8 @@ import json
 import pytest
 
 from hdassist import load_preset
-from hdassist.design import MOST_VALUES, Sweep, read_axes
-from hdassist.errors import UsageError
+from hdassist.features.design import MOST_VALUES, Sweep, read_axes
+from hdassist.run.errors import UsageError
 from tests.helpers.process import SMALL, run
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.error_map import Batch, ErrorMap, searchable
-from hdassist.error.extremes import extremes_of, many_extremes
-from hdassist.errors import UsageError
-from hdassist.model.geometry import Kinematics
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import Batch, ErrorMap, searchable
+from hdassist.drive.error.extremes import extremes_of, many_extremes
+from hdassist.drive.model.geometry import Kinematics
+from hdassist.features.mounting.positions import rotated
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL
 from tests.helpers.searched_drives import searched_drive

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.waves import estimated_cycle, turn_range_arcsec
+from hdassist.drive.error.waves import estimated_cycle, turn_range_arcsec
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL
 

@@ -9,17 +9,17 @@ import pytest
 from benchmarks.draws import FINEST_GRID, HOLES, drawn_drives
 from benchmarks.rows import DRAWS_RMS, DRAWS_WORST
 from hdassist import load_preset
-from hdassist.error import extremes
-from hdassist.error.error_map import Batch, ErrorMap, error_maps, every_state
-from hdassist.error.extremes import DRAWN_GRIDS, between_states, many_extremes
-from hdassist.loading import load_text, similar_preset
-from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.mounting.positions import rotated
-from hdassist.preset.fields import DEVIATIONS
-from hdassist.preset.knowledge import read_requirements
-from hdassist.solve.answers import N_MM
-from hdassist.solve.formulation import formulate
-from hdassist.solve.walk import Torus
+from hdassist.drive.error import extremes
+from hdassist.drive.error.error_map import Batch, ErrorMap, error_maps, every_state
+from hdassist.drive.error.extremes import DRAWN_GRIDS, between_states, many_extremes
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.model.contacts import StateGaps, contact_system
+from hdassist.drive.preset.fields import DEVIATIONS
+from hdassist.drive.preset.knowledge import read_requirements
+from hdassist.drive.solve.answers import N_MM
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.walk import Torus
+from hdassist.features.mounting.positions import rotated
 from tests.helpers.process import SMALL
 from tests.helpers.searched_drives import searched_drive
 from tests.helpers.support import HAS_COMPILER, load_case

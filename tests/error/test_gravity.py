@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import Gravity, trace
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import Gravity, trace
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL, in_a_line, run
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hdassist import trace
-from hdassist.error.waves import NO_CAUSE, known_causes, order_legend, orders
-from hdassist.errors import UsageError
+from hdassist.drive.error.waves import NO_CAUSE, known_causes, order_legend, orders
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error import extremes
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import many_extremes
-from hdassist.model.contacts import contact_system
-from hdassist.preset.fields import Drive
+from hdassist.drive.error import extremes
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import many_extremes
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve.formulation import formulate
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.formulation import formulate
 from tests.helpers.process import SMALL
 
 COUNT = 16

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset, stiffness
-from hdassist.error.stiffness import Segment, Twist, catalogue_torques
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.contacts import shell_twist_stiffness
-from hdassist.model.geometry import Geometry
-from hdassist.preset.fields import Catalogue
+from hdassist.drive.error.stiffness import Segment, Twist, catalogue_torques
+from hdassist.drive.model.contacts import shell_twist_stiffness
+from hdassist.drive.model.geometry import Geometry
+from hdassist.drive.preset.fields import Catalogue
+from hdassist.run.errors import UntrustedError, UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL
 from tests.helpers.support import changed, wind_up

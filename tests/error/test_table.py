@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.error_map import DEVIATION_SCALARS, ErrorMap, ErrorTable, Mesh, Reach, error_table
-from hdassist.errors import UntrustedError
-from hdassist.model.contacts import contact_system
-from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
-from hdassist.solve import walk
-from hdassist.solve.answers import EMPTY
-from hdassist.solve.walk import read_table
+from hdassist.drive.error.error_map import DEVIATION_SCALARS, ErrorMap, ErrorTable, Mesh, Reach, error_table
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
+from hdassist.drive.solve import walk
+from hdassist.drive.solve.answers import EMPTY
+from hdassist.drive.solve.walk import read_table
+from hdassist.run.errors import UntrustedError
 from tests.helpers.process import SMALL
 from tests.helpers.support import HAS_COMPILER, rotation
 
@@ -108,7 +108,7 @@ def test_rough_teeth_lie_on_top_of_a_coarse_table(
     missed = missed_of(coarse, drives)
     assert 0 < missed.mean() < 0.1
     assert missed.std() < 0.06
-    monkeypatch.setattr("hdassist.error.error_map.SMOOTH_SCALARS", DEVIATION_SCALARS)
+    monkeypatch.setattr("hdassist.drive.error.error_map.SMOOTH_SCALARS", DEVIATION_SCALARS)
     at_its_positions = missed_of(coarse, drives)
     assert missed.mean() < 0.6 * at_its_positions.mean()
     monkeypatch.undo()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.waves import ErrorWaves
-from hdassist.errors import UsageError
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.error.waves import ErrorWaves
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED, Run
 from tests.helpers.process import SMALL
 

@@ -11,11 +11,11 @@ from multiprocessing import resource_tracker
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from hdassist.errors import HdassistError
-from hdassist.explorer.app import Explorer, Form
-from hdassist.explorer.command import Question
-from hdassist.explorer.compute import Effort
-from hdassist.explorer.state import Session, opened_state
+from hdassist.interface.explorer.app import Explorer, Form
+from hdassist.interface.explorer.command import Question
+from hdassist.interface.explorer.compute import Effort
+from hdassist.interface.explorer.state import Session, opened_state
+from hdassist.run.errors import HdassistError
 from tests.helpers.process import TINY, no_processes
 
 QUICK = Effort(draws=8, jobs=1)

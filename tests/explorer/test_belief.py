@@ -9,21 +9,21 @@ from types import MappingProxyType
 
 import pytest
 
-from hdassist.design import DesignCheck, check
-from hdassist.errors import HdassistError, Verdict
-from hdassist.explorer.asking import Known
-from hdassist.explorer.compute import (
+from hdassist.drive.loading import load_preset
+from hdassist.features.design import DesignCheck, check
+from hdassist.features.report import Report
+from hdassist.interface.explorer.asking import Known
+from hdassist.interface.explorer.compute import (
     FirstErrors,
     LeverEffects,
     drive_answers,
     lever_effects,
     typical_of,
 )
-from hdassist.explorer.panes import headline
-from hdassist.loading import load_preset
-from hdassist.report import Report
-from hdassist.terminal.output import json_text, report_object
-from hdassist.terminal.streams import Style, console
+from hdassist.interface.explorer.panes import headline
+from hdassist.interface.terminal.output import json_text, report_object
+from hdassist.interface.terminal.streams import Style, console
+from hdassist.run.errors import HdassistError, Verdict
 from tests.explorer.rig import QUICK, tiny
 from tests.helpers.process import TINY, no_processes, run
 

@@ -11,11 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.errors import HdassistError
-from hdassist.explorer import command
-from hdassist.explorer.command import Question, Service
-from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
-from hdassist.mounting.advice import Advice
+from hdassist.features.mounting.advice import Advice
+from hdassist.interface.explorer import command
+from hdassist.interface.explorer.command import Question, Service
+from hdassist.interface.explorer.compute import (
+    SURE_PROVEN,
+    SURE_REFINED,
+    Effort,
+    FirstErrors,
+    SeatCurve,
+    cam_turn,
+    drive_answers,
+)
+from hdassist.run.errors import HdassistError
 from tests.explorer.rig import QUICK, tiny
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="processes are counted in /proc")

@@ -9,8 +9,8 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from hdassist.explorer.app import Explorer, Form
-from hdassist.explorer.compute import typical_of
+from hdassist.interface.explorer.app import Explorer, Form
+from hdassist.interface.explorer.compute import typical_of
 from tests.explorer.rig import QUICK, explored, filled, known_is, screen, settled, tiny, to_lever, typed
 from tests.helpers.process import run
 

@@ -8,9 +8,9 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Static
 
-from hdassist.explorer.app import Explorer, Form, Notice
-from hdassist.explorer.state import with_evidence
-from hdassist.loading import load_text
+from hdassist.drive.loading import load_text
+from hdassist.interface.explorer.app import Explorer, Form, Notice
+from hdassist.interface.explorer.state import with_evidence
 from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever
 from tests.helpers.process import TINY, run
 

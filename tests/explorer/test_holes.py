@@ -13,15 +13,15 @@ import pytest
 from textual.pilot import Pilot
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.design import check
-from hdassist.explorer.app import Explorer, Form
-from hdassist.explorer.asking import REST, Known
-from hdassist.explorer.compute import FULL, SURE_RANGE
-from hdassist.explorer.panes import next_text, order_words
-from hdassist.explorer.state import Session, opened_state
-from hdassist.mounting.advice import Advice
-from hdassist.pages.check import F_ior_table
-from hdassist.pages.mount import mount_report
+from hdassist.features.design import check
+from hdassist.features.mounting.advice import Advice
+from hdassist.interface.explorer.app import Explorer, Form
+from hdassist.interface.explorer.asking import REST, Known
+from hdassist.interface.explorer.compute import FULL, SURE_RANGE
+from hdassist.interface.explorer.panes import next_text, order_words
+from hdassist.interface.explorer.state import Session, opened_state
+from hdassist.interface.pages.check import F_ior_table
+from hdassist.interface.pages.mount import mount_report
 from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, screen, settled, tiny
 from tests.helpers.advices import advice_of
 from tests.helpers.process import SMALL
@@ -169,7 +169,8 @@ def test_limits_are_drawn_above_ranges_and_action_precedes_reason() -> None:
 
 @pytest.mark.thorough
 def test_without_colours_no_style_has_one() -> None:
-    code = "from hdassist.explorer import panes as p; print(p._VERDICT_STYLES, p._LETTER_STYLES, p._torque_style(1))"
+    code = "from hdassist.interface.explorer import panes as p\n"
+    code += "print(p._VERDICT_STYLES, p._LETTER_STYLES, p._torque_style(1))"
     shown = subprocess.run(
         [sys.executable, "-c", code], env={**os.environ, "NO_COLOR": "1"}, capture_output=True, text=True, check=True
     )

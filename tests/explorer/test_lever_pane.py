@@ -6,8 +6,8 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from hdassist.explorer.app import Explorer, Form
-from hdassist.explorer.asking import REST
+from hdassist.interface.explorer.app import Explorer, Form
+from hdassist.interface.explorer.asking import REST
 from tests.explorer.rig import explored, said, screen, settled, tiny, to_lever, typed
 
 

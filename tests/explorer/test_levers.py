@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from hdassist.explorer.state import about_field, opened_state, step_of, stepped
-from hdassist.loading import load_text
-from hdassist.preset.fields import field_table, resolved_fields, text_of
+from hdassist.drive.loading import load_text
+from hdassist.drive.preset.fields import field_table, resolved_fields, text_of
+from hdassist.interface.explorer.state import about_field, opened_state, step_of, stepped
 from tests.explorer.rig import tiny
 from tests.helpers.process import TINY
 

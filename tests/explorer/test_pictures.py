@@ -13,7 +13,7 @@ from textual.pilot import Pilot
 
 from benchmarks.explorer_pictures import VIEWS, rows
 from benchmarks.readme_pictures import REPORT, SCREENS, first_figures, write_input
-from hdassist.explorer.app import Explorer
+from hdassist.interface.explorer.app import Explorer
 from tests.conftest import ROOT
 from tests.explorer.rig import explored
 from tests.helpers.process import run

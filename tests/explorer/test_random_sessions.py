@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from hdassist.explorer.app import Explorer
-from hdassist.explorer.asking import REST
-from hdassist.explorer.state import Session, opened_state, redone, undone
-from hdassist.terminal.options import torque_overrides
+from hdassist.interface.explorer.app import Explorer
+from hdassist.interface.explorer.asking import REST
+from hdassist.interface.explorer.state import Session, opened_state, redone, undone
+from hdassist.interface.terminal.options import torque_overrides
 from tests.explorer.rig import FEW, explored, said, screen, settled
 from tests.helpers.process import TINY
 

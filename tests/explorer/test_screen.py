@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from hdassist.design import check
-from hdassist.explorer.app import Explorer, Notice
-from hdassist.explorer.asking import REST
-from hdassist.explorer.state import opened_state
-from hdassist.preset.fields import resolved_fields
+from hdassist.drive.preset.fields import resolved_fields
+from hdassist.features.design import check
+from hdassist.interface.explorer.app import Explorer, Notice
+from hdassist.interface.explorer.asking import REST
+from hdassist.interface.explorer.state import opened_state
 from tests.explorer.rig import FEW, explored, known_is, said, screen, settled, tiny, to_lever
 from tests.helpers.process import TINY
 

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error
-from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.explorer import state
-from hdassist.explorer.panes import head_line
-from hdassist.explorer.state import Session
-from hdassist.loading import load_text
-from hdassist.measuring.full_cycle import with_full_cycle
-from hdassist.measuring.measure import measure
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.loading import load_text
+from hdassist.features.measuring.full_cycle import with_full_cycle
+from hdassist.features.measuring.measure import measure
+from hdassist.interface.explorer import state
+from hdassist.interface.explorer.panes import head_line
+from hdassist.interface.explorer.state import Session
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import DataError, HdassistError, UsageError
 from hdassist.run.run import UNCHECKED
 from tests.explorer.rig import tiny
 from tests.helpers.process import TINY

@@ -239,7 +239,7 @@ def test_an_explorer_that_waits_to_write_ends_with_its_terminal(ignoring: str) -
 @needs_proc
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()
-    begin = "import hdassist.explorer.panes as words; from hdassist.cli import run_command_line"
+    begin = "import hdassist.interface.explorer.panes as words; from hdassist.interface.cli import run_command_line"
     crash = f"{begin}; words.head_line = None; run_command_line()"
     terminal = Terminal("explore", TINY, *SETS, command=[sys.executable, "-c", crash])
     try:

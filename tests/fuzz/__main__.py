@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from hdassist.cli import THREADS
+from hdassist.interface.cli import THREADS
 from tests.helpers.process import hear_what_is_ignored
 
 for name in THREADS:

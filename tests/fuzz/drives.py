@@ -27,9 +27,9 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.preset.fields import field_table
-from hdassist.preset.text import read_yaml
-from hdassist.solve.answers import TOLERANCE
+from hdassist.drive.preset.fields import field_table
+from hdassist.drive.preset.text import read_yaml
+from hdassist.drive.solve.answers import TOLERANCE
 from tests.helpers.process import SMALL, run
 
 Change = dict[str, Any]
@@ -193,9 +193,9 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
         files,  # noqa: F401
         loading,  # noqa: F401
     )
-    from hdassist.pages import check as check_page  # noqa: F401
+    from hdassist.interface.pages import check as check_page  # noqa: F401
+    from hdassist.interface.terminal import output  # noqa: F401
     from hdassist.run import run  # noqa: F401
-    from hdassist.terminal import output  # noqa: F401
 
     context = multiprocessing.get_context("fork")
     under_way: deque[tuple[Change, Connection, BaseProcess]] = deque()

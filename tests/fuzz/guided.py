@@ -19,17 +19,17 @@ import atheris
 import numpy as np
 
 with atheris.instrument_imports(include=["hdassist"]):
-    from hdassist.acceptance.answer import read_answers
-    from hdassist.acceptance.limits import LimitText
-    from hdassist.acceptance.request import Request, read_lot
-    from hdassist.calibration import read_targets
-    from hdassist.errors import HdassistError
-    from hdassist.loading import load_text
-    from hdassist.measuring.measure import measure
-    from hdassist.measuring.orders import parse_orders, parse_stated
-    from hdassist.mounting.posterior import read_trial
+    from hdassist.drive.loading import load_text
+    from hdassist.features.acceptance.answer import read_answers
+    from hdassist.features.acceptance.limits import LimitText
+    from hdassist.features.acceptance.request import Request, read_lot
+    from hdassist.features.calibration import read_targets
+    from hdassist.features.measuring.measure import measure
+    from hdassist.features.measuring.orders import parse_orders, parse_stated
+    from hdassist.features.mounting.posterior import read_trial
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
+    from hdassist.run.errors import HdassistError
 
 from tests.fuzz import mutate
 from tests.fuzz.inputs import MOST_MEMORY, MOST_SECONDS

@@ -24,8 +24,8 @@ from unittest import mock
 
 import numpy as np
 
-from hdassist.acceptance.answer import read_answers
-from hdassist.errors import HdassistError, UntrustedError
+from hdassist.features.acceptance.answer import read_answers
+from hdassist.run.errors import HdassistError, UntrustedError
 from tests.fuzz.seeds import KINDS, Input
 from tests.helpers.process import run
 
@@ -111,15 +111,15 @@ def _import_all() -> None:
     for args in (("check", "-h"), ("presets", "list")):
         run(*args)
     # unused here: they are only to be loaded
-    from hdassist.acceptance import accept  # noqa: F401
-    from hdassist.calibration import calibrate  # noqa: F401
-    from hdassist.mounting import advice  # noqa: F401
-    from hdassist.pages import (
+    from hdassist.features.acceptance import accept  # noqa: F401
+    from hdassist.features.calibration import calibrate  # noqa: F401
+    from hdassist.features.mounting import advice  # noqa: F401
+    from hdassist.interface.pages import (
         card,  # noqa: F401
         curves,  # noqa: F401
     )
-    from hdassist.pages import compare as compared  # noqa: F401
-    from hdassist.pages import measure as measured  # noqa: F401
+    from hdassist.interface.pages import compare as compared  # noqa: F401
+    from hdassist.interface.pages import measure as measured  # noqa: F401
 
 
 def _work(
@@ -207,7 +207,7 @@ def unsolved(*, at_once: bool = False) -> Iterator[None]:
     def refuse(*_: object, **__: object) -> None:
         raise SystemExit(UntrustedError.exit_code) if at_once else UntrustedError("not solved here", "")
 
-    with mock.patch("hdassist.solve.loadcase.LoadCase.__init__", refuse):
+    with mock.patch("hdassist.drive.solve.loadcase.LoadCase.__init__", refuse):
         yield
 
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.acceptance.decision import AcceptedValue, decide
-from hdassist.acceptance.limits import F_IOR, Limit
-from hdassist.errors import HdassistError, Verdict
-from hdassist.measuring.measure import SweepResult, measure
+from hdassist.features.acceptance.decision import AcceptedValue, decide
+from hdassist.features.acceptance.limits import F_IOR, Limit
+from hdassist.features.measuring.measure import SweepResult, measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import HdassistError, Verdict
 from tests.fuzz.mutate import Rng
 from tests.helpers.rigs import Array, drive_error, text, whole_range
 

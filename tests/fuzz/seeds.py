@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from typer.main import get_command
 
-from hdassist.cli import app
+from hdassist.interface.cli import app
 from tests.fuzz import gentle, mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick

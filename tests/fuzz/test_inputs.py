@@ -56,13 +56,13 @@ def test_seeds_are_meant_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 def test_a_file_that_is_lost_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     args = ("presets", "new", "x", "-o", "mine.txt", "--force")
     assert judged(0, Input("options", args, {"mine.txt": b"mine\n"}), _folder(tmp_path, 0), solves=True).fault == ""
-    monkeypatch.setattr("hdassist.terminal.streams.require_writable", lambda path, force: None)
+    monkeypatch.setattr("hdassist.interface.terminal.streams.require_writable", lambda path, force: None)
     lost = judged(1, Input("options", args[:-1], {"mine.txt": b"mine\n"}), _folder(tmp_path, 1), solves=True)
     assert lost.fault == "mine.txt is changed"
 
 
 def test_an_exception_and_a_process_that_dies_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdassist.loading.read_preset", lambda name: 1 / 0)
+    monkeypatch.setattr("hdassist.drive.loading.read_preset", lambda name: 1 / 0)
     seen = list(outcomes([1, 2, 3], 0, ["preset"]))
     assert all("ZeroDivisionError" in outcome.fault for outcome in seen)
     monkeypatch.setattr("tests.fuzz.inputs.judged", lambda *_, **__: __import__("os")._exit(1))

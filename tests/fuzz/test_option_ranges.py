@@ -18,7 +18,7 @@ import pytest
 import typer
 from typer.models import OptionInfo
 
-from hdassist.cli import COMMANDS, app
+from hdassist.interface.cli import COMMANDS, app
 from tests.fuzz.inputs import GOOD, unsolved
 from tests.fuzz.seeds import TRACES
 from tests.helpers.process import TINY, run

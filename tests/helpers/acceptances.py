@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hdassist.acceptance import accept as acceptance
-from hdassist.acceptance.answer import AcceptAnswer
-from hdassist.acceptance.decision import AcceptedValue, Predictions, predict
-from hdassist.acceptance.limits import Limit
-from hdassist.acceptance.request import Inputs, Request
-from hdassist.measuring.measure import Measurement
-from hdassist.model.deviations import MeasuredTeeth
-from hdassist.preset.fields import Drive
+from hdassist.drive.model.deviations import MeasuredTeeth
+from hdassist.drive.preset.fields import Drive
+from hdassist.features.acceptance import accept as acceptance
+from hdassist.features.acceptance.answer import AcceptAnswer
+from hdassist.features.acceptance.decision import AcceptedValue, Predictions, predict
+from hdassist.features.acceptance.limits import Limit
+from hdassist.features.acceptance.request import Inputs, Request
+from hdassist.features.measuring.measure import Measurement
 from tests.helpers.process import SMALL, TINY
 
 

@@ -9,16 +9,16 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, no_hole_better
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.decision import Decision
-from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.posterior import Trial, TrialSetup
-from hdassist.pages.card import Card, card_of
-from hdassist.pages.mount import mount_warnings
+from hdassist.drive.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, no_hole_better
+from hdassist.drive.solve.answers import EMPTY
+from hdassist.features.mounting.advice import Advice
+from hdassist.features.mounting.decision import Decision
+from hdassist.features.mounting.positions import MountingCurve
+from hdassist.features.mounting.posterior import Trial, TrialSetup
+from hdassist.interface.pages.card import Card, card_of
+from hdassist.interface.pages.mount import mount_warnings
+from hdassist.interface.terminal.words import texts
 from hdassist.readers.pitch import ASSUMED
-from hdassist.solve.answers import EMPTY
-from hdassist.terminal.words import texts
 from tests.helpers.process import SMALL
 
 MADE = date(2026, 3, 9)

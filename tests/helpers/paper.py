@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hdassist.report import Facts, Report
-from hdassist.terminal.output import Output
-from hdassist.terminal.page import report_page
-from hdassist.terminal.streams import Style
+from hdassist.features.report import Facts, Report
+from hdassist.interface.terminal.output import Output
+from hdassist.interface.terminal.page import report_page
+from hdassist.interface.terminal.streams import Style
 
 
 def on_paper(report: Report, width: int = 80, *, ascii: bool = False, details: bool = False) -> str:

@@ -26,7 +26,7 @@ import pytest
 import typer.main
 from hypothesis import currently_in_test_context
 
-from hdassist.cli import run_command_line
+from hdassist.interface.cli import run_command_line
 from hdassist.run.kept import FOLDER, NO_CACHE
 from hdassist.run.system import SPAWN, STOPS
 from tests.helpers import answers

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.preset.fields import Drive
+from hdassist.drive.preset.fields import Drive
 
 OFFSETS = {"e_hb": 160.0, "e_hh": 60.0}  # um; each size is uniform from 0 to this value, and its direction is random
 DEVIATIONS = {"F_i1": 150.0, "F_i2": 150.0, "e_hg": 30.0}

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.model.contacts import TO_X1, ContactSystem, contact_system
-from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.geometry import Array, States
-from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, displacements, residuals
-from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.walk import walk_library
+from hdassist.drive.model.contacts import TO_X1, ContactSystem, contact_system
+from hdassist.drive.model.deviations import ToothDeviations, state_gaps
+from hdassist.drive.model.geometry import Array, States
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve.answers import ARCSEC, N_MM, TOLERANCE, displacements, residuals
+from hdassist.drive.solve.formulation import Formulation, formulate
+from hdassist.drive.solve.loadcase import LoadCase
+from hdassist.drive.solve.walk import walk_library
 
 PROVEN = (
     1e-6  # arcsec; two solutions of a state differ by residuals up to TOLERANCE = 1e-8 of a wind-up of some 100 arcsec
@@ -105,6 +105,6 @@ def first_harmonic(F_i: float, xi: float, z: int) -> Array:
 
 def fresh_preset(name: str) -> str:
     """Return the text of a preset as written by `hdassist presets new NAME`."""
-    from hdassist.loading import load_preset, similar_preset
+    from hdassist.drive.loading import load_preset, similar_preset
 
     return similar_preset(name, load_preset("vzp160"), {})

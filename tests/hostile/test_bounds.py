@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.files import GREATEST, number_of
-from hdassist.loading import load_text, with_changes
+from hdassist.drive.loading import load_text, with_changes
+from hdassist.run.files import GREATEST, number_of
 from tests.helpers.process import SMALL, TINY, run
 from tests.helpers.rigs import text
 

@@ -208,7 +208,7 @@ def test_a_long_key_or_number_is_refused_soon(folder, alarm, text):
 
 @pytest.mark.parametrize("blanks", [2_000, 200_000])
 def test_time_to_refuse_a_number_is_independent_of_its_blanks(blanks):
-    from hdassist.preset.text import convert, is_spread, read_spread
+    from hdassist.drive.preset.text import convert, is_spread, read_spread
 
     begun = time.process_time()
     for read in (convert, read_spread):

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from hdassist import Drive, load_preset
-from hdassist.errors import PresetError, UsageError
-from hdassist.loading import load_text, similar_preset, with_changes
-from hdassist.model.contacts import CAM, contact_system
-from hdassist.model.deviations import assumptions
-from hdassist.preset.knowledge import read_requirements
+from hdassist.drive.loading import load_text, similar_preset, with_changes
+from hdassist.drive.model.contacts import CAM, contact_system
+from hdassist.drive.model.deviations import assumptions
+from hdassist.drive.preset.knowledge import read_requirements
+from hdassist.run.errors import PresetError, UsageError
 from tests.helpers.process import TINY
 
 TEXT = Path(TINY).read_text(encoding="utf-8")

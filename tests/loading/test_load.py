@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from hdassist.belief.prior import EVIDENCE
-from hdassist.errors import PresetError, UsageError
-from hdassist.loading import load_text
-from hdassist.preset.fields import Drive, field_table
+from hdassist.drive.loading import load_text
+from hdassist.drive.preset.fields import Drive, field_table
+from hdassist.run.errors import PresetError, UsageError
 
 BASE = """\
 schema: hdassist.preset/1

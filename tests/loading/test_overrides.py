@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hdassist.errors import UsageError
+from hdassist.run.errors import UsageError
 from tests.loading.test_load import errors, load
 
 

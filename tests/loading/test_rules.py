@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from scipy.optimize import brentq
 
-from hdassist.errors import UsageError
-from hdassist.loading import load_text
-from hdassist.model.geometry import Geometry, flank_candidates
-from hdassist.model.rules import BEARING_FIELDS, FIELD_RULES, MAX_OVERLAP, MODEL_RULES, conflicts
-from hdassist.preset.fields import Drive, field_table
+from hdassist.drive.loading import load_text
+from hdassist.drive.model.geometry import Geometry, flank_candidates
+from hdassist.drive.model.rules import BEARING_FIELDS, FIELD_RULES, MAX_OVERLAP, MODEL_RULES, conflicts
+from hdassist.drive.preset.fields import Drive, field_table
+from hdassist.run.errors import UsageError
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 

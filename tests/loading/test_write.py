@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from hdassist import load_preset
-from hdassist.errors import DataError, UsageError
-from hdassist.loading import load_text, with_changes, with_found_values
-from hdassist.preset.fields import field_table, resolved_fields
+from hdassist.drive.loading import load_text, with_changes, with_found_values
+from hdassist.drive.preset.fields import field_table, resolved_fields
+from hdassist.run.errors import DataError, UsageError
 from tests.helpers.process import SMALL
 from tests.helpers.support import fresh_preset
 

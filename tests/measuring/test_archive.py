@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.errors import DataError, UsageError
-from hdassist.measuring.archive import (
+from hdassist.features.measuring.archive import (
     ARCHIVE_FILE,
     OWNER,
     ArchiveEntry,
@@ -21,9 +20,10 @@ from hdassist.measuring.archive import (
     read_archive,
     read_conditions,
 )
-from hdassist.measuring.full_cycle import with_full_cycle
-from hdassist.measuring.measure import Measurement, measure
-from hdassist.pages.measure import history_report
+from hdassist.features.measuring.full_cycle import with_full_cycle
+from hdassist.features.measuring.measure import Measurement, measure
+from hdassist.interface.pages.measure import history_report
+from hdassist.run.errors import DataError, UsageError
 from hdassist.run.kept import RecordKind, open_kept
 from tests.helpers.paper import on_paper
 from tests.helpers.process import in_a_line, run

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.errors import DataError
-from hdassist.measuring.measure import Measurement, measure
-from hdassist.measuring.slopes import at_torque
+from hdassist.features.measuring.measure import Measurement, measure
+from hdassist.features.measuring.slopes import at_torque
 from hdassist.readers.trace import read_trace
+from hdassist.run.errors import DataError
 from tests.helpers.process import SMALL, run
 from tests.helpers.rigs import text
 

@@ -8,9 +8,8 @@ import json
 import numpy as np
 import pytest
 
-from hdassist.acceptance.limits import CHECKS
-from hdassist.errors import DataError
-from hdassist.measuring.bench import (
+from hdassist.features.acceptance.limits import CHECKS
+from hdassist.features.measuring.bench import (
     LoopRecord,
     PlaceLoop,
     PositionRecord,
@@ -21,6 +20,7 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.readers.trace import TraceForm, read_record
+from hdassist.run.errors import DataError
 from tests.helpers.process import SMALL, in_a_line, run
 from tests.helpers.rigs import text
 

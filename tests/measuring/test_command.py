@@ -171,8 +171,8 @@ def test_measure_prints_its_result_even_if_plot_or_page_fails(rig, monkeypatch):
     command = ("measure", "run.csv", "--ratio", "30")
     whole = run(*command, "--no-plot", cwd=rig)
     for place, kind, left in (
-        ("hdassist.terminal.plot.ticks", "plot", whole.stdout.split()),
-        ("hdassist.terminal.page.report_page", "page", run(*command, "-q", cwd=rig).stdout.split()),
+        ("hdassist.interface.terminal.plot.ticks", "plot", whole.stdout.split()),
+        ("hdassist.interface.terminal.page.report_page", "page", run(*command, "-q", cwd=rig).stdout.split()),
     ):
         monkeypatch.setattr(place, broken)
         assert run(*command, cwd=rig).returncode == 1  # a fault of ours: seen by every test

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdassist.acceptance.decision import MEASURED
-from hdassist.errors import DataError
-from hdassist.measuring.measure import SweepResult, measure
-from hdassist.pages.measure import measure_report
+from hdassist.features.acceptance.decision import MEASURED
+from hdassist.features.measuring.measure import SweepResult, measure
+from hdassist.interface.pages.measure import measure_report
+from hdassist.run.errors import DataError
 from tests.helpers.rigs import RATIO, Array, recorded, whole_range
 
 PER_TURN = 40

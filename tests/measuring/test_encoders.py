@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks import encoders
-from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import measure
+from hdassist.features.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import UntrustedError
 from tests.helpers.rigs import EVEN, recorded, text, whole_range
 
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.errors import DataError, PresetError
-from hdassist.measuring.bench import PositionRecord, bench_record, position_quantities
-from hdassist.measuring.iso230 import PositioningTest, positioning_test
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
+from hdassist.features.measuring.bench import PositionRecord, bench_record, position_quantities
+from hdassist.features.measuring.iso230 import PositioningTest, positioning_test
 from hdassist.readers.trace import TraceForm, read_record
 from hdassist.readers.words import run_side_in
+from hdassist.run.errors import DataError, PresetError
 from tests.helpers.process import SMALL, run
 
 WIDE_NAMES = "target_deg,run1_fwd_arcsec,run1_bwd_arcsec,run2_fwd_arcsec,run2_bwd_arcsec"

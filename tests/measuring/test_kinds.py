@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.kinds import KINDS, Rig, counted
-from hdassist.measuring.fit import fit_orders
-from hdassist.measuring.orders import DEFAULT_ORDERS, order_grid
-from hdassist.measuring.terms import SlowTerms, bins_of
+from hdassist.features.measuring.fit import fit_orders
+from hdassist.features.measuring.orders import DEFAULT_ORDERS, order_grid
+from hdassist.features.measuring.terms import SlowTerms, bins_of
 from tests.helpers.rigs import recorded
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.lines import Group, look, rig, row
-from hdassist.measuring import fit
-from hdassist.measuring.measure import SweepResult, measure
+from hdassist.features.measuring import fit
+from hdassist.features.measuring.measure import SweepResult, measure
 from tests.helpers.rigs import drive_error, recorded, slow_noise, whole_range
 
 RATIO, PER_TURN = 30.0, 60
@@ -154,7 +154,7 @@ def test_omitting_a_line_would_make_F_ior_too_small():
 
 
 def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
-    from hdassist.measuring.terms import curve_of
+    from hdassist.features.measuring.terms import curve_of
 
     return curve_of(coefficients, found.fit.orders, found.grid_turns)
 

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from hdassist.measuring.measure import Measurement, measure
+from hdassist.features.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
 from tests.helpers.rigs import recorded, text
 

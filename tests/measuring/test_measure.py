@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks import records
-from hdassist.acceptance.decision import AcceptedValue, decide
-from hdassist.acceptance.limits import Limit
-from hdassist.errors import DataError, UntrustedError, UsageError
-from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import combined, parse_stated
+from hdassist.features.acceptance.decision import AcceptedValue, decide
+from hdassist.features.acceptance.limits import Limit
+from hdassist.features.measuring.measure import measure
+from hdassist.features.measuring.orders import combined, parse_stated
 from hdassist.readers.trace import read_trace
+from hdassist.run.errors import DataError, UntrustedError, UsageError
 from tests.helpers.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, text, turn_range, whole_range
 from tests.helpers.support import rounding
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset, trace
-from hdassist.errors import UsageError
-from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import Gearing, gearing_of, order_grid, parse_orders
+from hdassist.features.measuring.measure import measure
+from hdassist.features.measuring.orders import Gearing, gearing_of, order_grid, parse_orders
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import SMALL
 from tests.helpers.rigs import RATIO, recorded, slow_noise

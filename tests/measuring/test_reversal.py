@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from hdassist.measuring.measure import Measurement, measure
+from hdassist.features.measuring.measure import Measurement, measure
 from hdassist.readers.trace import TraceForm, read_trace
 from tests.helpers.process import in_a_line, run
 from tests.helpers.rigs import Array, text

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdassist.errors import UsageError
-from hdassist.measuring.shafts import parse_shafts
+from hdassist.features.measuring.shafts import parse_shafts
+from hdassist.run.errors import UsageError
 from tests.helpers.process import run
 from tests.helpers.rigs import text
 

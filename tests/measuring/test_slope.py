@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.joints import RATIO, Joint
 from hdassist import load_preset, trace
-from hdassist.measuring.measure import measure
+from hdassist.features.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY, in_a_line, run
 

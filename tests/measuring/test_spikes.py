@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import PresetError, UntrustedError
-from hdassist.measuring.measure import measure
+from hdassist.features.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import PresetError, UntrustedError
 from tests.helpers.rigs import EVEN, RATIO, even_wave, recorded, simulated, text, whole_range
 
 TWO = TraceForm(angle="enc1", second="enc2")

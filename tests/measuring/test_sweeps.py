@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hdassist.measuring.measure import measure
-from hdassist.pages.measure import measure_report
+from hdassist.features.measuring.measure import measure
+from hdassist.interface.pages.measure import measure_report
 from tests.helpers.rigs import EVEN, RATIO, drive_error, even_wave, recorded, simulated, whole_range
 
 

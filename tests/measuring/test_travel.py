@@ -7,10 +7,10 @@ import pytest
 
 from benchmarks.joints import RATIO, Joint, JointStudy
 from hdassist import load_preset
-from hdassist.acceptance.decision import OF_TRAVEL
-from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import STATED, Gearing, gearing_of
-from hdassist.preset.fields import Acceptance
+from hdassist.drive.preset.fields import Acceptance
+from hdassist.features.acceptance.decision import OF_TRAVEL
+from hdassist.features.measuring.measure import measure
+from hdassist.features.measuring.orders import STATED, Gearing, gearing_of
 from tests.helpers.acceptances import accept
 from tests.helpers.rigs import recorded
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hdassist.errors import UntrustedError
-from hdassist.loading import load_preset
-from hdassist.measuring.measure import Measurement, measure
-from hdassist.preset.fields import Drive
+from hdassist.drive.loading import load_preset
+from hdassist.drive.preset.fields import Drive
+from hdassist.features.measuring.measure import Measurement, measure
 from hdassist.readers.trace import read_trace
+from hdassist.run.errors import UntrustedError
 from tests.helpers.process import run
 from tests.helpers.rigs import text
 

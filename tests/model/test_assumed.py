@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.loading import load_preset, load_text
-from hdassist.model.deviations import assumptions
-from hdassist.preset.fields import Source
+from hdassist.drive.loading import load_preset, load_text
+from hdassist.drive.model.deviations import assumptions
+from hdassist.drive.preset.fields import Source
 from tests.helpers.process import SMALL
 
 LEFT_OUT = ", h_a: 0.6", ", h_f: 1.35", ", k_t: 1.4", ", g_b: 0", ", j_n: 6", "c_t: 6.0e-5, ", "c_ball: 7.0e-5, "

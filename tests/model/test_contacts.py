@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.model.contacts import FREEDOMS, ROTATION, ContactSystems, contact_system
-from hdassist.model.geometry import Flanks, Geometry
-from hdassist.solve.answers import ARCSEC
+from hdassist.drive.model.contacts import FREEDOMS, ROTATION, ContactSystems, contact_system
+from hdassist.drive.model.geometry import Flanks, Geometry
+from hdassist.drive.solve.answers import ARCSEC
 from tests.helpers.support import changed, compliance, rounding, solve_state
 
 ALPHA, LEVER, C_TOOTH = np.radians(25), 82.0, 2e-5

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from hdassist import ToothDeviations, kinematic_error
-from hdassist.errors import UsageError
-from hdassist.model.contacts import CAM, StateGaps, contact_system
-from hdassist.model.deviations import (
+from hdassist.drive.model.contacts import CAM, StateGaps, contact_system
+from hdassist.drive.model.deviations import (
     carried,
     deviation_scalars,
     standing_offset,
     tooth_phases,
 )
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed, delta_p_of, first_harmonic
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Face
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.model.geometry import Face
 from tests.helpers.support import changed, compliance, rounding, solve_state
 
 FLAT = 1e9  # mm, length of a shell that does not cone

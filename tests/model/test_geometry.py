@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import Fault, UntrustedError
-from hdassist.model import contacts
-from hdassist.model.contacts import ROTATION, contact_system, flexspline_ring, outer_ring
-from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
+from hdassist.drive.model import contacts
+from hdassist.drive.model.contacts import ROTATION, contact_system, flexspline_ring, outer_ring
+from hdassist.drive.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
+from hdassist.run.errors import Fault, UntrustedError
 from tests.helpers.support import changed, solve_state
 
 

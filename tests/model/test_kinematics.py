@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error, state_place
-from hdassist.model.geometry import (
+from hdassist.drive.error.cycle import kinematic_error, state_place
+from hdassist.drive.model.geometry import (
     STRIP,
     Kinematics,
     ball_phase,
@@ -124,7 +124,7 @@ def test_a_state_is_named_by_the_turns_of_its_cam(reference):
 
 
 def test_full_cycle_is_asked_for_by_name(reference):
-    from hdassist.errors import UsageError
+    from hdassist.run.errors import UsageError
 
     states = pitch_locked_states(Kinematics.of(reference), np.arange(10))
     with pytest.raises(UsageError, match="full mesh cycle"):

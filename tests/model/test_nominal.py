@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from hdassist.model.geometry import nominal_shape
+from hdassist.drive.model.geometry import nominal_shape
 
 W_0, R = 0.96, 80.7
 THETA = np.radians([-200, -90, -30, 0, 3, 17, 45, 60, 90, 135, 180, 300])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hdassist.model.contacts import contact_system, flexspline_ring, outer_ring, plain_ring, shell_twist_stiffness
-from hdassist.model.geometry import Geometry
+from hdassist.drive.model.contacts import contact_system, flexspline_ring, outer_ring, plain_ring, shell_twist_stiffness
+from hdassist.drive.model.geometry import Geometry
 from tests.helpers.support import changed, compliance, rounding
 
 E, I, R = 2.06e5, 128.0, 76.0

@@ -3,15 +3,15 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.deviations import (
+from hdassist.drive.model.deviations import (
     Unknown,
     unknown_names,
     unknown_notes,
     unknown_turn,
     unknowns,
 )
-from hdassist.preset.fields import DEVIATIONS, field_table
-from hdassist.preset.knowledge import F_p
+from hdassist.drive.preset.fields import DEVIATIONS, field_table
+from hdassist.drive.preset.knowledge import F_p
 from tests.helpers.process import SMALL
 
 

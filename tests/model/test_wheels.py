@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hdassist import check, kinematic_error, load_preset, mounting_curve, trace
-from hdassist.errors import UsageError
-from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, tooth_phases
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import phase_deg, rotated, seat_positions
+from hdassist.drive.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, tooth_phases
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import phase_deg, rotated, seat_positions
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED, Run
 from tests.helpers.process import SMALL
 from tests.helpers.support import first_harmonic

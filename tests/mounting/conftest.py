@@ -2,7 +2,7 @@
 
 import pytest
 
-from hdassist.mounting.posterior import HoleSamples, hole_samples
+from hdassist.features.mounting.posterior import HoleSamples, hole_samples
 from tests.mounting.drives import FEW, SETUP, told
 
 

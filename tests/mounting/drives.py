@@ -6,11 +6,11 @@ import numpy as np
 
 from hdassist import load_preset
 from hdassist.belief.proposals import TableEffort
-from hdassist.error.error_map import ErrorMap, Mesh
-from hdassist.mounting.decision import Decision
-from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HolePosterior, HoleSamples, Trial, TrialSetup, posterior_of
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.error_map import ErrorMap, Mesh
+from hdassist.drive.preset.fields import Drive
+from hdassist.features.mounting.decision import Decision
+from hdassist.features.mounting.positions import rotated, usable_positions
+from hdassist.features.mounting.posterior import HolePosterior, HoleSamples, Trial, TrialSetup, posterior_of
 from tests.helpers.process import SMALL
 
 M_G, HOLES = 4.0, 12

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.cycle import limits_left
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.decision import Decision, MeasurementValue
-from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.mounting.posterior import Trial, TrialSetup
-from hdassist.pages.card import instruction, seat_of, turn
-from hdassist.pages.mount import mount_report, next_value_words
-from hdassist.solve.answers import EMPTY
-from hdassist.terminal.plot import seat_in_characters
-from hdassist.terminal.words import texts
+from hdassist.drive.error.cycle import limits_left
+from hdassist.drive.solve.answers import EMPTY
+from hdassist.features.mounting.advice import Advice
+from hdassist.features.mounting.decision import Decision, MeasurementValue
+from hdassist.features.mounting.positions import MountingCurve, seat_positions
+from hdassist.features.mounting.posterior import Trial, TrialSetup
+from hdassist.interface.pages.card import instruction, seat_of, turn
+from hdassist.interface.pages.mount import mount_report, next_value_words
+from hdassist.interface.terminal.plot import seat_in_characters
+from hdassist.interface.terminal.words import texts
 from tests.helpers.process import SMALL
 
 

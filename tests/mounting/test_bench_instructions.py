@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.errors import Verdict
-from hdassist.explorer.panes import next_text
-from hdassist.mounting.advice import Advice, advise, advise_after
-from hdassist.mounting.positions import mounting_curve, seat_positions
-from hdassist.mounting.posterior import HoleSamples, Trial, TrialSetup
-from hdassist.pages.mount import mount_report
-from hdassist.pages.report import card_html, card_text
-from hdassist.report import Paragraph
+from hdassist.features.mounting.advice import Advice, advise, advise_after
+from hdassist.features.mounting.positions import mounting_curve, seat_positions
+from hdassist.features.mounting.posterior import HoleSamples, Trial, TrialSetup
+from hdassist.features.report import Paragraph
+from hdassist.interface.explorer.panes import next_text
+from hdassist.interface.pages.mount import mount_report
+from hdassist.interface.pages.report import card_html, card_text
+from hdassist.run.errors import Verdict
 from hdassist.run.run import UNCHECKED
 from tests.helpers.advices import TRIALS, advice_of, card
 from tests.helpers.process import SMALL, TINY, in_a_line, run
@@ -88,7 +88,7 @@ def test_card_drawing_marks_the_destination_and_its_letters_are_unique(language:
 
 
 def test_the_explorer_names_the_destination_first() -> None:
-    from hdassist.explorer.asking import Known
+    from hdassist.interface.explorer.asking import Known
 
     advice = tried_best_in(9)
     known = replace(Known(), advice=advice, report=mount_report(advice, 0))
@@ -261,7 +261,7 @@ def test_a_torque_for_all_values_is_the_torque_of_each() -> None:
 
 
 def test_a_decimal_comma_is_a_point() -> None:
-    from hdassist.mounting.posterior import read_trial
+    from hdassist.features.mounting.posterior import read_trial
 
     assert read_trial("h0=46,3", 12) == Trial(0.0, 46.3)
     assert read_trial("h4@3,4=27", 12) == Trial(120.0, 27.0, M_g=3.4)
@@ -288,8 +288,8 @@ def test_recording_value_is_rounded_by_uncertainty_and_names_its_file() -> None:
 
 
 def test_a_recording_keeps_its_name(tmp_path: Path) -> None:
-    from hdassist.measuring.measure import Reading
-    from hdassist.mounting.posterior import read_trial_or_record
+    from hdassist.features.measuring.measure import Reading
+    from hdassist.features.mounting.posterior import read_trial_or_record
 
     angle = np.arange(0, 360 * 30 + 1, 5.0)
     error = 6 * np.sin(2 * np.radians(angle)) + 0.2 * np.random.default_rng(1).standard_normal(len(angle))

@@ -13,15 +13,15 @@ import pytest
 
 from hdassist import __version__
 from hdassist.belief.predicted import MeasuredBeside, beyond_words
-from hdassist.errors import UsageError
-from hdassist.model.deviations import Unknown
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.posterior import Trial
-from hdassist.pages.card import Card, instruction, seat_of, warnings_of
-from hdassist.pages.mount import mount_warnings
-from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
-from hdassist.terminal.plot import seat_in_characters
-from hdassist.terminal.words import Texts, languages, texts
+from hdassist.drive.model.deviations import Unknown
+from hdassist.features.mounting.advice import Advice
+from hdassist.features.mounting.posterior import Trial
+from hdassist.interface.pages.card import Card, instruction, seat_of, warnings_of
+from hdassist.interface.pages.mount import mount_warnings
+from hdassist.interface.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
+from hdassist.interface.terminal.plot import seat_in_characters
+from hdassist.interface.terminal.words import Texts, languages, texts
+from hdassist.run.errors import UsageError
 from tests.helpers.advices import MADE, TRIALS, advice_of, card, cards, crowded, sampled
 
 CARDS = cards()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hdassist.pages.report import card_html, lines_on_paper
-from hdassist.terminal.words import languages
+from hdassist.interface.pages.report import card_html, lines_on_paper
+from hdassist.interface.terminal.words import languages
 from tests.helpers.advices import card, cards, crowded
 from tests.helpers.browser import A4_POINTS, needs_browser, on_screen, printed
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from hdassist.mounting.decision import Decision, MeasurementValue, as_measured, value_of_measurement
-from hdassist.report import to_error_digit
+from hdassist.features.mounting.decision import Decision, MeasurementValue, as_measured, value_of_measurement
+from hdassist.features.report import to_error_digit
 
 
 def decision_of(*rows: list[float], weights: list[float] | None = None, torques: int = 1, **more: object) -> Decision:

@@ -10,12 +10,12 @@ from hdassist import load_preset
 from hdassist.belief.evidence import stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.design import check
-from hdassist.error.error_map import ErrorMap
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.design import check
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import rotated, seat_positions
+from hdassist.features.preset_comparison import sheet_of
 from hdassist.run.run import Run
-from hdassist.variants import sheet_of
 from tests.helpers.process import TINY, in_a_line, run
 from tests.helpers.support import PROVEN
 

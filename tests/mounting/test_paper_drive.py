@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.error_map import ErrorMap
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.mounting.positions import rotated
 from tests.helpers.process import run
 
 BEST = 8  # the hole that mount orders

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.errors import UsageError
-from hdassist.mounting import positions as making
-from hdassist.mounting.positions import MountingCurve, mounting_curve, phase_deg, rotated
+from hdassist.drive.solve.answers import EMPTY
+from hdassist.features.mounting import positions as making
+from hdassist.features.mounting.positions import MountingCurve, mounting_curve, phase_deg, rotated
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.answers import EMPTY
 from tests.helpers.process import SMALL
 from tests.helpers.support import changed
 

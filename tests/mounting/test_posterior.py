@@ -10,12 +10,19 @@ from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
 from hdassist.belief.evidence import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, error_kinds, kernel
-from hdassist.error.error_map import ErrorMap
-from hdassist.mounting import posterior
-from hdassist.mounting.advice import advise_after
-from hdassist.mounting.decision import value_of_measurement
-from hdassist.mounting.positions import rotated
-from hdassist.mounting.posterior import LOG_NOISES, HoleSamples, Trial, TrialSetup, likelier_torque, posterior_of
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.mounting import posterior
+from hdassist.features.mounting.advice import advise_after
+from hdassist.features.mounting.decision import value_of_measurement
+from hdassist.features.mounting.positions import rotated
+from hdassist.features.mounting.posterior import (
+    LOG_NOISES,
+    HoleSamples,
+    Trial,
+    TrialSetup,
+    likelier_torque,
+    posterior_of,
+)
 from tests.helpers.process import SMALL
 from tests.mounting.drives import (
     HOLES,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.errors import UntrustedError
-from hdassist.measuring.full_cycle import with_full_cycle
-from hdassist.measuring.measure import Reading, measure
-from hdassist.mounting.advice import advise_after
-from hdassist.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
+from hdassist.features.measuring.full_cycle import with_full_cycle
+from hdassist.features.measuring.measure import Reading, measure
+from hdassist.features.mounting.advice import advise_after
+from hdassist.features.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
 from hdassist.readers.trace import read_trace
+from hdassist.run.errors import UntrustedError
 from tests.helpers.process import SMALL, run
 from tests.mounting.drives import COARSE, M_G, told
 

@@ -8,13 +8,13 @@ import pytest
 from hdassist import load_preset
 from hdassist.belief.evidence import stiffness_figures
 from hdassist.belief.proposals import TableEffort
-from hdassist.error.error_map import ErrorMap
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.mounting.advice import advise_after
-from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HoleSamples, Trial, hole_samples, open_prior, posterior_of
-from hdassist.pages.mount import mount_warnings
-from hdassist.preset.fields import Drive
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.preset.fields import Drive
+from hdassist.features.mounting.advice import advise_after
+from hdassist.features.mounting.positions import rotated, usable_positions
+from hdassist.features.mounting.posterior import HoleSamples, Trial, hole_samples, open_prior, posterior_of
+from hdassist.interface.pages.mount import mount_warnings
+from hdassist.run.errors import UntrustedError, UsageError
 from tests.helpers.process import ASSUMED, SMALL
 from tests.helpers.support import changed
 from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, shown, told
@@ -60,7 +60,7 @@ def test_mount_names_a_hole_and_warns_if_few_draws_agree(monkeypatch: pytest.Mon
     """Ten of 16 draws agree, 16 are wanted: a hole all the same, and a warning; at eight wanted none is due."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
     agreeing = changed(drive, catalogue__K_2=1.37 * stiffness_figures(drive)[0]["K_2"])
-    monkeypatch.setattr("hdassist.mounting.posterior._DRAWS_A_TABLE", 1)
+    monkeypatch.setattr("hdassist.features.mounting.posterior._DRAWS_A_TABLE", 1)
     few = hole_samples(agreeing, (), SETUP, draws=32, table=TableEffort(8, COARSE_MESH))
     assert re.fullmatch(r"effective sample size [\d.]+ of 16 draws, 16 required", few.few)
     advice = advise_after(agreeing, [Trial(0.0, 73.0), Trial(120.0, 18.0)], SETUP, samples=few)

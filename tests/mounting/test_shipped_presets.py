@@ -3,10 +3,10 @@
 import pytest
 
 from hdassist import load_preset, preset_names
-from hdassist.loading import load_text, similar_preset
-from hdassist.mounting.advice import advise
-from hdassist.pages.report import card_text
-from hdassist.preset.knowledge import read_requirements
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.preset.knowledge import read_requirements
+from hdassist.features.mounting.advice import advise
+from hdassist.interface.pages.report import card_text
 from hdassist.run.run import UNCHECKED
 from tests.helpers.advices import card
 

@@ -3,10 +3,10 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.errors import UsageError
-from hdassist.measuring.measure import Reading
-from hdassist.mounting.positions import usable_positions
-from hdassist.mounting.posterior import Trial, TrialSetup, read_trial, read_trial_or_record
+from hdassist.features.measuring.measure import Reading
+from hdassist.features.mounting.positions import usable_positions
+from hdassist.features.mounting.posterior import Trial, TrialSetup, read_trial, read_trial_or_record
+from hdassist.run.errors import UsageError
 from tests.helpers.process import SMALL
 
 

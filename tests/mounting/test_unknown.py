@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.deviations import deviation_scalars
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.pages.mount import instruction_of, mount_report, next_value_words
-from hdassist.report import Table
+from hdassist.drive.model.deviations import deviation_scalars
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import rotated, seat_positions
+from hdassist.features.report import Table
+from hdassist.interface.pages.mount import instruction_of, mount_report, next_value_words
+from hdassist.interface.terminal.output import report_object
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.output import report_object
 from tests.helpers.process import SMALL, run
 from tests.helpers.support import changed
 

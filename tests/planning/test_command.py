@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.pages.plan import seen_curve
-from hdassist.planning import choose_plan
+from hdassist.features.planning import choose_plan
+from hdassist.interface.pages.plan import seen_curve
 from tests.helpers.process import SMALL, TINY, in_a_line, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")

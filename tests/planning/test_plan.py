@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.waves import error_lines
-from hdassist.errors import Verdict
-from hdassist.model.deviations import ToothDeviations
-from hdassist.pages.plan import plan_report
-from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
-from hdassist.preset.fields import DEVIATIONS
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.waves import error_lines
+from hdassist.drive.model.deviations import ToothDeviations
+from hdassist.drive.preset.fields import DEVIATIONS
+from hdassist.features.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
+from hdassist.interface.pages.plan import plan_report
+from hdassist.run.errors import Verdict
 from hdassist.run.run import UNCHECKED
 from tests.helpers.paper import facts_of
 from tests.helpers.process import SMALL, TINY

@@ -10,9 +10,9 @@ import pytest
 
 from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
 from hdassist import load_preset, stiffness
-from hdassist.calibration import read_targets
-from hdassist.loading import load_text
-from hdassist.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+from hdassist.drive.loading import load_text
+from hdassist.drive.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
+from hdassist.features.calibration import read_targets
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import TINY
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error
-from hdassist.acceptance.decision import AcceptedValue
-from hdassist.acceptance.limits import limits_of
-from hdassist.design import DesignCheck, OperatingPoint
-from hdassist.error.cycle import KinematicError, SelfError, self_error
-from hdassist.errors import Verdict
-from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Geometry, Kinematics, ball_phase, pitch_locked_states
-from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import DEVIATIONS, Acceptance, Drive, field_table
+from hdassist.drive.error.cycle import KinematicError, SelfError, self_error
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.model.geometry import Geometry, Kinematics, ball_phase, pitch_locked_states
+from hdassist.drive.preset.fields import DEVIATIONS, Acceptance, Drive, field_table
+from hdassist.drive.solve.answers import EMPTY
+from hdassist.features.acceptance.decision import AcceptedValue
+from hdassist.features.acceptance.limits import limits_of
+from hdassist.features.design import DesignCheck, OperatingPoint
+from hdassist.features.mounting.positions import MountingCurve, seat_positions
+from hdassist.run.errors import Verdict
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.answers import EMPTY
 from tests.helpers.acceptances import accept
 from tests.helpers.support import changed, solve_state, wind_up
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.calibration import read_targets
-from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.files import preset_names, read_preset
-from hdassist.loading import load_preset
-from hdassist.preset.fields import field_table, measures, origin_counts
-from hdassist.preset.text import read_yaml
+from hdassist.drive.loading import load_preset
+from hdassist.drive.preset.fields import field_table, measures, origin_counts
+from hdassist.drive.preset.text import read_yaml
+from hdassist.features.calibration import read_targets
+from hdassist.run.errors import DataError, PresetError, UsageError
+from hdassist.run.files import preset_names, read_preset
 from tests.helpers.process import posix_only
 
 ROOT = Path(__file__).parents[2]
@@ -166,7 +166,7 @@ def test_bad_overrides_are_wrong_usage() -> None:
 
 
 def test_the_names_cost_no_heavy_import() -> None:
-    code = "import sys; from hdassist.files import preset_names as p; p(); print(*sorted(sys.modules))"
+    code = "import sys; from hdassist.run.files import preset_names as p; p(); print(*sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     assert not {"pydantic", "yaml", "numpy"} & set(loaded.split())
 

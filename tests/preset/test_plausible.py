@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hdassist import load_preset
-from hdassist.files import preset_names
-from hdassist.preset.knowledge import implausible
+from hdassist.drive.preset.knowledge import implausible
+from hdassist.run.files import preset_names
 from tests.helpers.process import run
 
 

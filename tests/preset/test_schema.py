@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from hdassist.errors import UsageError
-from hdassist.files import preset_names, read_preset
-from hdassist.loading import load_text, preset_schema
-from hdassist.preset.fields import ResolvedField, field_table, resolved_fields
-from hdassist.preset.text import read_yaml
+from hdassist.drive.loading import load_text, preset_schema
+from hdassist.drive.preset.fields import ResolvedField, field_table, resolved_fields
+from hdassist.drive.preset.text import read_yaml
+from hdassist.run.errors import UsageError
+from hdassist.run.files import preset_names, read_preset
 from tests.helpers.support import fresh_preset
 
 SCHEMA = preset_schema()

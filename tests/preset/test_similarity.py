@@ -12,12 +12,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist import kinematic_error, load_preset, stiffness
-from hdassist.errors import UsageError
-from hdassist.loading import load_text, similar_preset
-from hdassist.model.geometry import Kinematics, pitch_locked_states
-from hdassist.model.rules import conflicts
-from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
-from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, read_requirements, similar
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.model.rules import conflicts
+from hdassist.drive.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
+from hdassist.drive.preset.knowledge import (
+    LAWS,
+    PITCH_DIAMETER,
+    STIFFNESS,
+    F_p,
+    SimilarValue,
+    read_requirements,
+    similar,
+)
+from hdassist.run.errors import UsageError
 from hdassist.run.run import UNCHECKED
 from tests.helpers.process import run
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hdassist.preset.text import MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, scalar_value, shown
+from hdassist.drive.preset.text import MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, scalar_value, shown
 
 
 def findings(text: bytes | str) -> list[str]:

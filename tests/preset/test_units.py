@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from hdassist import load_preset
-from hdassist.errors import PresetError, UsageError
-from hdassist.loading import load_text
-from hdassist.preset.fields import field_table
-from hdassist.preset.text import UnitError, convert, read_spread, units_for
+from hdassist.drive.loading import load_text
+from hdassist.drive.preset.fields import field_table
+from hdassist.drive.preset.text import UnitError, convert, read_spread, units_for
+from hdassist.run.errors import PresetError, UsageError
 from tests.helpers.process import SMALL
 
 

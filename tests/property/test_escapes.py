@@ -20,8 +20,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from hdassist.pages import report as documents
-from hdassist.report import (
+from hdassist.features.report import (
     Curve,
     CurveMark,
     Facts,
@@ -32,10 +31,11 @@ from hdassist.report import (
     Table,
     Tiles,
 )
+from hdassist.interface.pages import report as documents
+from hdassist.interface.terminal.output import csv_text, json_text, report_object
+from hdassist.interface.terminal.page import report_page
+from hdassist.interface.terminal.streams import Style, console
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from hdassist.terminal.output import csv_text, json_text, report_object
-from hdassist.terminal.page import report_page
-from hdassist.terminal.streams import Style, console
 from tests.helpers.advices import advice_of, card
 from tests.helpers.process import TINY, on_terminal, run
 from tests.test_hidden import EVERY_HIDDEN, hidden

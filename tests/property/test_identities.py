@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import ErrorMap, Mesh, Reach, error_table
-from hdassist.model.contacts import CAM, ROTATION, contact_system
-from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.error_map import ErrorMap, Mesh, Reach, error_table
+from hdassist.drive.model.contacts import CAM, ROTATION, contact_system
+from hdassist.drive.model.deviations import deviation_scalars, is_half_turn_symmetric
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.solve.answers import ARCSEC
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.answers import ARCSEC
 from tests.helpers.support import changed, compliance, delta_p_of, rotation, solve_state, wind_up
 
 micrometres = st.floats(-100, 100).map(lambda um: round(um, 3) * 1e-3)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hdassist.errors import HdassistError, PresetError, UsageError
-from hdassist.files import GREATEST
-from hdassist.loading import load_text
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.text import UnitError, convert, read_yaml, scalar_value, units_for
+from hdassist.drive.loading import load_text
+from hdassist.drive.preset.fields import Drive, field_table
+from hdassist.drive.preset.text import UnitError, convert, read_yaml, scalar_value, units_for
+from hdassist.run.errors import HdassistError, PresetError, UsageError
+from hdassist.run.files import GREATEST
 from tests.helpers.support import fresh_preset
 
 BASE = fresh_preset("base")

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.solve.answers import ARCSEC, TOLERANCE, residuals
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import MANY_STATES, solve_through_cvxpy
+from hdassist.drive.model.contacts import StateGaps, contact_system
+from hdassist.drive.solve.answers import ARCSEC, TOLERANCE, residuals
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.loadcase import MANY_STATES, solve_through_cvxpy
 from tests.helpers.support import changed, load_case
 
 

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from hdassist.errors import PresetError
 from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.errors import PresetError
 
 TWO_ENCODERS = TraceForm(angle="cam", second="out", angle_unit="deg")
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hdassist.errors import PresetError
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace
+from hdassist.run.errors import PresetError
 from tests.helpers.process import run
 
 SCALE, DECLINATION, RATE = 1.5, 40.0, 7.5  # arcsec/px, deg, and arcsec/s of the axis

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.readers.pitch import COLUMNS_HINT, PitchFile, read_pitch
 from hdassist.readers.words import flank_in, form_in, length_in, micrometres, names_teeth
+from hdassist.run.errors import Finding, PresetError, UsageError
 
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
 BARE = np.array([0.0, 3.0, -2.0, 1.0])

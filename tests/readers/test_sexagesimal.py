@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.errors import PresetError
 from hdassist.readers.table import NumberTable, read_numbers
 from hdassist.readers.words import sexagesimal_degrees
+from hdassist.run.errors import PresetError
 from tests.helpers.process import run
 
 FORMS = {

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.errors import DataError, PresetError
-from hdassist.files import PART, STDIN, TextFile, read_bytes
 from hdassist.readers.table import MAX_REMARKS, SAMPLED_LINES, NumberTable, read_numbers, read_texts
+from hdassist.run.errors import DataError, PresetError
+from hdassist.run.files import PART, STDIN, TextFile, read_bytes
 
 NEEDS = ("tooth number", "deviation")
 ROWS = [(1.0, 2.5), (2.0, -1.25)]
@@ -389,6 +389,6 @@ def test_a_file_that_may_not_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("hdassist.files.open_at_once", refuse)
+    monkeypatch.setattr("hdassist.run.files.open_at_once", refuse)
     with pytest.raises(DataError, match=r"cannot read wheel\.csv: Permission denied"):
         read_bytes("wheel.csv", 100)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace, sweeps
 from hdassist.readers.words import role_in, unit_in
+from hdassist.run.errors import DataError, PresetError, UsageError
 from tests.helpers.rigs import text
 
 TURNS = np.arange(400) / 100

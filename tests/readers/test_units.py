@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
+from hdassist.features.measuring.bench import LoopRecord, PositionRecord, bench_record
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, read_trace
 from hdassist.readers.words import TIMES, TORQUES, foreign_unit_in, length_in, role_in, unit_in
+from hdassist.run.errors import DataError, PresetError, UsageError
 from tests.helpers.process import run
 from tests.helpers.rigs import text
 

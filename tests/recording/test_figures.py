@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import UsageError, Verdict
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import recording_from_columns
 from hdassist.recording.posterior import posterior_of_recording
+from hdassist.run.errors import UsageError, Verdict
 from tests.recording.readings import RATIO, known_error, known_range, noisy_readings
 
 TRUE = known_range()

@@ -6,7 +6,6 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from hdassist.errors import DataError
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.recording.positions import (
     Recording,
@@ -15,6 +14,7 @@ from hdassist.recording.positions import (
     recording_from_columns,
     recording_from_trace,
 )
+from hdassist.run.errors import DataError
 from tests.recording.readings import RATIO, noisy_readings
 
 TURNS, ERROR = noisy_readings()

@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.bench_pictures import DARK, FIGURES, LIGHT, RULES, Point, at, box, circle, path, text
 from hdassist import load_preset
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import ErrorMap
-from hdassist.model.contacts import contact_system, flexspline_ring
-from hdassist.model.geometry import Array, Geometry, Kinematics, nominal_shape, pitch_locked_states
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.model.contacts import contact_system, flexspline_ring
+from hdassist.drive.model.geometry import Array, Geometry, Kinematics, nominal_shape, pitch_locked_states
+from hdassist.drive.solve.formulation import formulate
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.formulation import formulate
 from tests.helpers.support import delta_p_of, load_case, solve_state
 
 WIDTH, HEIGHT = 640, 330

@@ -9,12 +9,12 @@ from typing import Any
 
 import typer
 
-from hdassist.cli import app
-from hdassist.explaining import GROUPS, SYMBOLS
-from hdassist.preset.fields import (
+from hdassist.drive.preset.fields import (
     BY_PATH,
     sections,
 )
+from hdassist.interface.cli import app
+from hdassist.interface.explaining import GROUPS, SYMBOLS
 
 ROOT: Any = typer.main.get_command(app)
 WIDTH = 68  # of help texts: what man has room for on a terminal of 80 columns

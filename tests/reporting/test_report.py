@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.pages.check import check_report
-from hdassist.pages.mount import instruction_of, mount_report
-from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
-from hdassist.preset.fields import origin_counts
-from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles, four_digits
-from hdassist.terminal.output import report_object
-from hdassist.terminal.streams import Style
-from hdassist.terminal.words import proof
-from hdassist.variants import DriveSheet, sheet_of
+from hdassist.drive.preset.fields import origin_counts
+from hdassist.features.preset_comparison import DriveSheet, sheet_of
+from hdassist.features.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles, four_digits
+from hdassist.interface.pages.check import check_report
+from hdassist.interface.pages.mount import instruction_of, mount_report
+from hdassist.interface.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
+from hdassist.interface.terminal.output import report_object
+from hdassist.interface.terminal.streams import Style
+from hdassist.interface.terminal.words import proof
 from tests.helpers.process import SMALL, run
 
 LIMIT = "acceptance.F_ior=40"
@@ -157,7 +157,7 @@ def test_the_line_of_a_limit_has_its_number(sheet):
 
 
 def test_printed_report_has_one_font_size_besides_its_headings():
-    css = resources.files("hdassist.pages").joinpath("templates/report.css").read_text("utf-8")
+    css = resources.files("hdassist.interface.pages").joinpath("templates/report.css").read_text("utf-8")
     sized = re.findall(r"^\s*([^{}@/]*?) {[^{}]*font-size: ([^;]+);", css, flags=re.MULTILINE)
     assert {name for name, _ in sized if not name.endswith("svg")} <= {
         "h1", "h2", ".word", ".tiles b", "body", ".warnings h2", ".tiles span, .tiles small",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hdassist import load_preset
-from hdassist.pages.report import drive_report, report_html
-from hdassist.variants import sheet_of
+from hdassist.features.preset_comparison import sheet_of
+from hdassist.interface.pages.report import drive_report, report_html
 from tests.helpers.browser import A4_POINTS, needs_browser, on_screen, printed
 
 pytestmark = needs_browser

@@ -20,10 +20,10 @@ from pathlib import Path
 import pytest
 from distributed import Client, LocalCluster, Security
 
-from hdassist.errors import DataError, UntrustedError, UsageError
+from hdassist.drive.solve.walk import installation
 from hdassist.run import run as module
+from hdassist.run.errors import DataError, UntrustedError, UsageError
 from hdassist.run.run import Cluster, cluster, end_clusters, stream
-from hdassist.solve.walk import installation
 from tests.helpers.process import CLEAN, COMMAND, TINY, begun_by, ends, run
 
 pytestmark = pytest.mark.filterwarnings("default")  # of packages that are not ours

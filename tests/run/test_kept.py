@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.errors import DataError, UsageError
+from hdassist.run.errors import DataError, UsageError
 from hdassist.run.kept import ClosedRecord, KeptOwner, Magnitude, RecordKind, open_kept, read_kept
 from tests.helpers.process import CLEAN, posix_only
 

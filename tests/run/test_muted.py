@@ -5,7 +5,7 @@ import sys
 
 CODE = """
 import os, sys
-from hdassist.solve.loadcase import muted_output
+from hdassist.drive.solve.loadcase import muted_output
 print("before", flush=True)
 with muted_output():
     os.write(1, b"banner")

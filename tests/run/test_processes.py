@@ -14,22 +14,22 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.cli import THREADS
-from hdassist.errors import DataError, Fault, UntrustedError
+from hdassist.interface.cli import THREADS
 from hdassist.run import run as module
+from hdassist.run.errors import DataError, Fault, UntrustedError
 from hdassist.run.run import Run, count, workers
 from hdassist.run.system import start_method
 from tests.helpers.process import CLEAN, SMALL
 
 BEGUN = """
 import os, threading
-import hdassist.solve.loadcase
+import hdassist.drive.solve.loadcase
 from hdassist.run.run import workers
 
 if {thread}:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
 with workers(1) as executor:
-    known = executor.submit(eval, "'hdassist.solve.loadcase' in __import__('sys').modules").result()
+    known = executor.submit(eval, "'hdassist.drive.solve.loadcase' in __import__('sys').modules").result()
     print(executor.submit(os.getppid).result() == os.getpid(), known)
 """
 
@@ -48,7 +48,7 @@ with workers(1) as executor:
 SOLVED = """
 import numpy as np
 from hdassist import kinematic_error, load_preset
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import workers
 from hdassist.run.run import Run
 
@@ -119,7 +119,7 @@ def refuse(error: Exception) -> None:
 
 BESIDE = """
 import os
-from hdassist.errors import UntrustedError
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import Run, workers
 
 modules = "'wave' in __import__('sys').modules"

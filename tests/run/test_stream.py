@@ -13,8 +13,8 @@ from functools import partial
 
 import pytest
 
-from hdassist.errors import DataError, UntrustedError
 from hdassist.run import run as module
+from hdassist.run.errors import DataError, UntrustedError
 from hdassist.run.run import AHEAD, MOST_ITEMS, stream
 
 TOTAL = 40

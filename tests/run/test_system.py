@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.errors import DataError, UsageError
-from hdassist.files import in_place_of, read_bytes
+from hdassist.drive.solve import build
+from hdassist.interface.terminal.streams import require_writable, write_text
 from hdassist.run import kept, system
+from hdassist.run.errors import DataError, UsageError
+from hdassist.run.files import in_place_of, read_bytes
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, read_kept
 from hdassist.run.system import SPAWN, why_not_a_windows_file, windows_command_line
-from hdassist.solve import build
-from hdassist.terminal.streams import require_writable, write_text
 from tests.helpers.process import CLEAN, TINY
 
 PACKAGE = Path(kept.__file__).parents[1]
@@ -139,7 +139,7 @@ def test_a_name_of_windows_is_taken(name: str) -> None:
 
 
 def test_a_name_that_the_system_takes_for_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdassist.terminal.streams.why_not_a_file", why_not_a_windows_file)
+    monkeypatch.setattr("hdassist.interface.terminal.streams.why_not_a_file", why_not_a_windows_file)
     with pytest.raises(DataError, match="a stream of another file"):
         require_writable(str(tmp_path / "h0:4.json"), force=True)
     assert not list(tmp_path.iterdir())

@@ -19,13 +19,13 @@ def walk_over_drives(library: Path) -> int:
     import numpy as np
 
     from hdassist import load_preset
-    from hdassist.error.error_map import Batch, ErrorMap
-    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-    from hdassist.files import preset_names
-    from hdassist.model.contacts import StateGaps
-    from hdassist.model.deviations import ToothDeviations
-    from hdassist.solve import walk
-    from hdassist.solve.formulation import formulate
+    from hdassist.drive.error.error_map import Batch, ErrorMap
+    from hdassist.drive.error.extremes import DRAWN_GRIDS, many_extremes
+    from hdassist.drive.model.contacts import StateGaps
+    from hdassist.drive.model.deviations import ToothDeviations
+    from hdassist.drive.solve import walk
+    from hdassist.drive.solve.formulation import formulate
+    from hdassist.run.files import preset_names
     from tests.helpers.process import SMALL, TINY
     from tests.helpers.support import load_case
     from tests.solve.test_walk import states_of
@@ -54,7 +54,7 @@ def main() -> int:
     if len(sys.argv) > 1:
         print(f"sanitized walk: {walk_over_drives(Path(sys.argv[1]))} states, no finding")
         return 0
-    from hdassist.solve.build import compile_walk, library_name
+    from hdassist.drive.solve.build import compile_walk, library_name
 
     with tempfile.TemporaryDirectory() as folder:
         assert compile_walk(Path(folder), FLAGS)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import UntrustedError
-from hdassist.model.contacts import ROTATION, StateGaps, contact_system
-from hdassist.solve.answers import ARCSEC, Certificate, StateSums, proven_answers, residuals
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import LoadCase
+from hdassist.drive.model.contacts import ROTATION, StateGaps, contact_system
+from hdassist.drive.solve.answers import ARCSEC, Certificate, StateSums, proven_answers, residuals
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.loadcase import LoadCase
+from hdassist.run.errors import UntrustedError
 from tests.helpers.support import compliance, load_case
 
 

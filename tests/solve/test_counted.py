@@ -7,13 +7,13 @@ from collections.abc import Callable
 import pytest
 
 from hdassist import load_preset
-from hdassist.mounting.advice import advise
-from hdassist.mounting.positions import seat_positions
-from hdassist.planning import choose_plan
-from hdassist.preset.fields import Drive
+from hdassist.drive.preset.fields import Drive
+from hdassist.drive.solve import answers
+from hdassist.drive.solve.answers import Certificate, Residuals
+from hdassist.features.mounting.advice import advise
+from hdassist.features.mounting.positions import seat_positions
+from hdassist.features.planning import choose_plan
 from hdassist.run.run import UNCHECKED
-from hdassist.solve import answers
-from hdassist.solve.answers import Certificate, Residuals
 from tests.helpers.process import TINY
 
 LIMITED = ("operation.M_g=[4]", "acceptance.F_ior=2000", "mounting.holes=6")

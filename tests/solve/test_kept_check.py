@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.contacts import contact_system
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.solve import loadcase
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.loadcase import solve_again
 from hdassist.run import kept
-from hdassist.solve import loadcase
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import solve_again
 from tests.helpers.process import TINY, keep_answers
 from tests.helpers.support import load_case
 

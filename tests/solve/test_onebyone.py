@@ -5,12 +5,12 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.draws import meshing_shift
-from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.solve import walk
-from hdassist.solve.answers import residuals
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import OneByOne
-from hdassist.solve.pivoting import solve_near
+from hdassist.drive.model.contacts import StateGaps, contact_system
+from hdassist.drive.solve import walk
+from hdassist.drive.solve.answers import residuals
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.loadcase import OneByOne
+from hdassist.drive.solve.pivoting import solve_near
 from tests.helpers.support import HAS_WALK, load_case
 
 WAYS = [

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.cycle import _formulations
-from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import _formulations
+from hdassist.drive.model.contacts import StateGaps, contact_system
+from hdassist.drive.model.deviations import ToothDeviations, state_gaps
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.solve import loadcase, pivoting
+from hdassist.drive.solve.answers import ARCSEC, N_MM, TOLERANCE, StateSums, residuals
+from hdassist.drive.solve.formulation import Reference, formulate, principal_transform
+from hdassist.drive.solve.loadcase import MANY_STATES, OneByOne
+from hdassist.drive.solve.walk import walk_library
 from hdassist.run.run import UNCHECKED
-from hdassist.solve import loadcase, pivoting
-from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, StateSums, residuals
-from hdassist.solve.formulation import Reference, formulate, principal_transform
-from hdassist.solve.loadcase import MANY_STATES, OneByOne
-from hdassist.solve.walk import walk_library
 from tests.helpers.process import SMALL
 from tests.helpers.support import changed, delta_p_of, load_case
 

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, preset_names
-from hdassist.cli import THREADS
-from hdassist.errors import Fault, UntrustedError, UsageError
-from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
-from hdassist.model.geometry import Kinematics, pitch_locked_states
-from hdassist.run import kept
-from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve import loadcase
-from hdassist.solve.answers import ARCSEC, StateSums, proven_answers, residuals
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import (
+from hdassist.drive.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.solve import loadcase
+from hdassist.drive.solve.answers import ARCSEC, StateSums, proven_answers, residuals
+from hdassist.drive.solve.formulation import formulate
+from hdassist.drive.solve.loadcase import (
     OneByOne,
     require_compiled_as_stated,
     solve_again,
     solve_through_cvxpy,
     template_differences,
 )
+from hdassist.interface.cli import THREADS
+from hdassist.run import kept
+from hdassist.run.errors import Fault, UntrustedError, UsageError
+from hdassist.run.run import UNCHECKED, Run
 from tests.helpers.process import CLEAN, SMALL
 from tests.helpers.support import changed, load_case
 
@@ -106,10 +106,10 @@ COMPARED = """
 import os, sys, time
 os.environ["HDASSIST_CACHE"] = sys.argv[1]
 from hdassist import load_preset
-from hdassist.error.cycle import require_programme
-from hdassist.errors import UntrustedError
+from hdassist.drive.error.cycle import require_programme
+from hdassist.run.errors import UntrustedError
 from hdassist.run.run import Run, workers
-from hdassist.solve import loadcase
+from hdassist.drive.solve import loadcase
 
 with workers(1) as executor:
     require_programme(load_preset("size-14-100"), Run(executor))
@@ -243,7 +243,7 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
-    import hdassist.solve.loadcase as module
+    import hdassist.drive.solve.loadcase as module
 
     real = module.solve_through_cvxpy
     monkeypatch.setattr(module, "solve_through_cvxpy", lambda *a: (real(*a)[0], real(*a)[1] + 0.02 / ARCSEC))

@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist import kinematic_error, load_preset
-from hdassist.files import preset_names
-from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
-from hdassist.model.deviations import ToothDeviations, state_gaps
-from hdassist.model.geometry import Kinematics, neighbours_together, pitch_locked_states
-from hdassist.solve import walk
-from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
-from hdassist.solve.formulation import formulate
+from hdassist.drive.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
+from hdassist.drive.model.deviations import ToothDeviations, state_gaps
+from hdassist.drive.model.geometry import Kinematics, neighbours_together, pitch_locked_states
+from hdassist.drive.solve import walk
+from hdassist.drive.solve.answers import ARCSEC, N_MM
+from hdassist.drive.solve.build import X86, compile_walk, development_folder, library_name, source_hash
+from hdassist.drive.solve.formulation import formulate
+from hdassist.run.files import preset_names
 from tests.helpers.process import SMALL
 from tests.helpers.support import HAS_COMPILER, HAS_WALK, load_case
 

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.errors import Verdict
-from hdassist.files import visible
-from hdassist.report import Quantity, as_json
-from hdassist.terminal.output import FORMULA, csv_text, json_text
+from hdassist.features.report import Quantity, as_json
+from hdassist.interface.terminal.output import FORMULA, csv_text, json_text
+from hdassist.run.errors import Verdict
+from hdassist.run.files import visible
 from tests.test_hidden import EVERY_HIDDEN, hidden
 
 HOSTILE = st.text(st.sampled_from(EVERY_HIDDEN + "=+-@\t\n,;\"' a1.") | st.characters(), max_size=8)

@@ -10,17 +10,17 @@ import pytest
 from typer.main import get_command
 
 from hdassist.belief.steps import Influence
-from hdassist.cli import COMMANDS, OTHER_NAMES, app
-from hdassist.commands.design import CheckCommand
-from hdassist.loading import load_preset
-from hdassist.preset.fields import AskedOption
-from hdassist.report import Facts, Paragraph, Report, Table
-from hdassist.solve.answers import Certificate
-from hdassist.solve.loadcase import CrossCheck
-from hdassist.terminal.options import torque_overrides
-from hdassist.terminal.page import report_page
-from hdassist.terminal.streams import Style, console
-from hdassist.terminal.words import (
+from hdassist.drive.loading import load_preset
+from hdassist.drive.preset.fields import AskedOption
+from hdassist.drive.solve.answers import Certificate
+from hdassist.drive.solve.loadcase import CrossCheck
+from hdassist.features.report import Facts, Paragraph, Report, Table
+from hdassist.interface.cli import COMMANDS, OTHER_NAMES, app
+from hdassist.interface.commands.design import CheckCommand
+from hdassist.interface.terminal.options import torque_overrides
+from hdassist.interface.terminal.page import report_page
+from hdassist.interface.terminal.streams import Style, console
+from hdassist.interface.terminal.words import (
     LIMITED,
     TAKEN_OVER,
     again,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.errors import DataError, UsageError
-from hdassist.terminal.streams import require_writable, write_text
+from hdassist.interface.terminal.streams import require_writable, write_text
+from hdassist.run.errors import DataError, UsageError
 from tests.helpers.process import posix_only
 
 

@@ -16,13 +16,13 @@ import pytest
 from rich.table import Table
 from rich.text import Text
 
-from hdassist.errors import DataError
-from hdassist.report import Facts, Report
-from hdassist.report import Table as TableBlock
-from hdassist.terminal import output
-from hdassist.terminal.output import Output, complain
-from hdassist.terminal.page import report_page
-from hdassist.terminal.streams import Style
+from hdassist.features.report import Facts, Report
+from hdassist.features.report import Table as TableBlock
+from hdassist.interface.terminal import output
+from hdassist.interface.terminal.output import Output, complain
+from hdassist.interface.terminal.page import report_page
+from hdassist.interface.terminal.streams import Style
+from hdassist.run.errors import DataError
 from tests.conftest import ROOT
 from tests.helpers.paper import on_paper
 from tests.helpers.process import SMALL, TINY, on_terminal, posix_only, run
@@ -149,8 +149,8 @@ def test_a_table_of_ranges_is_one_table_without_broken_words(columns: int) -> No
 
 
 def test_every_character_of_pages_has_a_seven_bit_form() -> None:
-    texts = [path.read_text("utf-8") for path in (ROOT / "hdassist/pages").glob("*.py")]
-    texts += [(ROOT / "hdassist/terminal/languages/en.yaml").read_text("utf-8")]
+    texts = [path.read_text("utf-8") for path in (ROOT / "hdassist/interface/pages").glob("*.py")]
+    texts += [(ROOT / "hdassist/interface/terminal/languages/en.yaml").read_text("utf-8")]
     strange = {letter for text in texts for letter in text if not letter.isascii()}
     assert "?" not in Style(ascii=True, codes=False, width=80).text("".join(strange))
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report import Curve, CurveMark, Hole, Quantity, Seat, SeatMark, Table, as_object, csv_table
-from hdassist.terminal.output import combine, csv_text, json_text
-from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest, seat_in_characters
-from hdassist.terminal.streams import Style
+from hdassist.features.report import Curve, CurveMark, Hole, Quantity, Seat, SeatMark, Table, as_object, csv_table
+from hdassist.interface.terminal.output import combine, csv_text, json_text
+from hdassist.interface.terminal.plot import curve, dots_to_braille, least_and_greatest, seat_in_characters
+from hdassist.interface.terminal.streams import Style
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from hdassist.commands import design
+from hdassist.interface.commands import design
 from tests.helpers.process import TINY, in_a_line, run
 
 FEW = ("--torque", "4", "--limit", "1950", "--yield", "0.9", "-n", "40", "--as-built", "--jobs", "1")

@@ -8,11 +8,11 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.belief.steps import MeasurementGain
-from hdassist.errors import UntrustedError, Verdict
-from hdassist.pages.tolerance import allocate_report
-from hdassist.preset.knowledge import F_p
-from hdassist.tolerance.production import Production, RandomDrive, production_law
-from hdassist.tolerance.tightening import Allocator, tolerances
+from hdassist.drive.preset.knowledge import F_p
+from hdassist.features.tolerance.production import Production, RandomDrive, production_law
+from hdassist.features.tolerance.tightening import Allocator, tolerances
+from hdassist.interface.pages.tolerance import allocate_report
+from hdassist.run.errors import UntrustedError, Verdict
 from tests.helpers.paper import facts_of
 from tests.helpers.process import TINY
 

@@ -7,8 +7,8 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.belief.prior import prior_of
-from hdassist.errors import UsageError
-from hdassist.tolerance.production import RAYLEIGH_TAIL, TolerancedSize, production_law
+from hdassist.features.tolerance.production import RAYLEIGH_TAIL, TolerancedSize, production_law
+from hdassist.run.errors import UsageError
 from tests.helpers.process import ASSUMED, TINY
 
 

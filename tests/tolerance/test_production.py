@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, load_preset
-from hdassist.error.error_map import ErrorMap
-from hdassist.errors import UntrustedError, UsageError
-from hdassist.mounting.positions import merit, rotated
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.mounting.positions import merit, rotated
+from hdassist.features.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
+from hdassist.run.errors import UntrustedError, UsageError
 from hdassist.run.run import Run
-from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
 from tests.helpers.process import ASSUMED, SMALL, TINY
 
 TORQUES = (1.0, 4.0)

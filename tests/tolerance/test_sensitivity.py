@@ -7,9 +7,9 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.pages.tolerance import sensitivity_report
-from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
-from hdassist.tolerance.tightening import Sensitivities, sensitivities, to_measure, worst_torque
+from hdassist.features.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
+from hdassist.features.tolerance.tightening import Sensitivities, sensitivities, to_measure, worst_torque
+from hdassist.interface.pages.tolerance import sensitivity_report
 from tests.helpers.paper import facts_of
 from tests.helpers.process import TINY
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pyarrow import parquet
 
-from hdassist.errors import UntrustedError
+from hdassist.run.errors import UntrustedError
 from tests.helpers.process import CLEAN, COMMAND, TINY, in_a_line, run
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
@@ -158,7 +158,7 @@ def test_where_no_drive_has_an_answer_there_is_no_page(monkeypatch: pytest.Monke
     def refuse(*_: object) -> None:
         raise UntrustedError("not solved", "a hint")
 
-    monkeypatch.setattr("hdassist.tolerance.production.Production._solved", refuse)
+    monkeypatch.setattr("hdassist.features.tolerance.production.Production._solved", refuse)
     done = run("tolerance", TINY, "-n", "2", *FEW, "--limit", "3000")
     assert (done.returncode, done.stdout) == (5, "")
     assert "no random drive has a result: not solved" in done.stderr

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
-from hdassist.errors import Verdict
-from hdassist.tolerance.production import RandomDrive
-from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.features.tolerance.production import RandomDrive
+from hdassist.features.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.run.errors import Verdict
 
 
 def yields(passed: list[int], drives: int, weights: list[float] | None = None) -> YieldBelief:

@@ -8,9 +8,9 @@ import numpy as np
 
 from hdassist import load_preset
 from hdassist.belief.prior import prior_of
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import many_extremes
-from hdassist.model.geometry import Array
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import many_extremes
+from hdassist.drive.model.geometry import Array
 
 DEVIATIONS = ("tolerances.", "phases.", "harmonics.")
 AMPLITUDE, WHEEL, PITCH = "harmonics.a_", "tolerances.F_i", "tolerances.f_p"

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from hdassist import Drive, load_preset
-from hdassist.calibration import read_targets
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.extremes import many_extremes
-from hdassist.model.geometry import Array
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import many_extremes
+from hdassist.drive.model.geometry import Array
+from hdassist.features.calibration import read_targets
 
 TARGETS = Path(__file__).parents[2] / "docs/vzp160.targets.yaml"
 COUNT, TORQUES, PHASES = 24, (80.0, 800.0), np.arange(0.0, 360.0, 30.0)  # N*m, deg

@@ -5,7 +5,7 @@ from __future__ import annotations
 from scipy.optimize import brentq
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.error.error_map import ErrorMap, searchable
+from hdassist.drive.error.error_map import ErrorMap, searchable
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, span

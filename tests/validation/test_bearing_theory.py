@@ -8,10 +8,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipkm1
 
 from hdassist import load_preset
-from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
-from hdassist.model.geometry import Face
-from hdassist.solve.answers import residuals
-from hdassist.solve.formulation import formulate
+from hdassist.drive.model.contacts import FREEDOMS, ROTATION, contact_system
+from hdassist.drive.model.geometry import Face
+from hdassist.drive.solve.answers import residuals
+from hdassist.drive.solve.formulation import formulate
 from tests.helpers.support import load_case
 from tests.validation.case import Case, Kind, about, parameters
 

@@ -6,8 +6,8 @@ from functools import cache
 
 import pytest
 
-from hdassist.error.error_map import ErrorMap
-from hdassist.mounting.positions import rotated
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.features.mounting.positions import rotated
 from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.loading import load_text, similar_preset
-from hdassist.model.contacts import ContactSystems
-from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
+from hdassist.drive.loading import load_text, similar_preset
+from hdassist.drive.model.contacts import ContactSystems
+from hdassist.drive.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from tests.helpers.support import changed, solve_state
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import Stiffness, load_preset, stiffness
-from hdassist.model.geometry import Array
+from hdassist.drive.model.geometry import Array
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.case import Case, Information, Kind, about, parameters

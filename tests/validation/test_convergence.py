@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.error.cycle import self_error
-from hdassist.error.error_map import ErrorMap
-from hdassist.model import geometry
-from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import self_error
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.model import geometry
+from hdassist.drive.model.contacts import contact_system
+from hdassist.drive.model.geometry import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters

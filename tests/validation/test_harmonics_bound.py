@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.preset.knowledge import HIGHER_ORDERS, SECOND_ORDER
+from hdassist.drive.preset.knowledge import HIGHER_ORDERS, SECOND_ORDER
 from tests.validation.case import Case, Kind, parameters
 from tests.validation.drawn_drives import F_ior_drawn, percentiles
 

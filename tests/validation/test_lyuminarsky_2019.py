@@ -9,11 +9,11 @@ import pytest
 from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.calibration import PhaseScan, phase_scan
-from hdassist.error.cycle import KinematicError, SelfError, self_error
-from hdassist.error.waves import trace
-from hdassist.model.geometry import Array
-from hdassist.preset.text import read_yaml
+from hdassist.drive.error.cycle import KinematicError, SelfError, self_error
+from hdassist.drive.error.waves import trace
+from hdassist.drive.model.geometry import Array
+from hdassist.drive.preset.text import read_yaml
+from hdassist.features.calibration import PhaseScan, phase_scan
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters

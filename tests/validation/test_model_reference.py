@@ -9,14 +9,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error, self_error
-from hdassist.error.error_map import ErrorMap
-from hdassist.error.stiffness import stiffness
-from hdassist.model.contacts import contact_system, shell_twist_stiffness
-from hdassist.model.deviations import deviation_scalars
-from hdassist.model.geometry import Geometry, Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import kinematic_error, self_error
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.error.stiffness import stiffness
+from hdassist.drive.model.contacts import contact_system, shell_twist_stiffness
+from hdassist.drive.model.deviations import deviation_scalars
+from hdassist.drive.model.geometry import Geometry, Kinematics, pitch_locked_states
+from hdassist.drive.solve.answers import ARCSEC
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.answers import ARCSEC
 from tests.helpers.support import changed, solve_state, wind_up
 
 REL = 0.002  # the reference numbers carry four digits at most

@@ -10,9 +10,9 @@ import pytest
 from scipy.special import ndtr
 
 from hdassist import load_preset
-from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import ErrorMap
-from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.error_map import ErrorMap
+from hdassist.drive.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.case import Case, Kind, about, parameters

@@ -14,8 +14,8 @@ from hdassist import load_preset
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
-from hdassist.error.cycle import kinematic_error
-from hdassist.model.geometry import Array, Kinematics, pitch_locked_states
+from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from tests.validation.case import Case, Kind, parameters
 

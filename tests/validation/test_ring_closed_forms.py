@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.model.contacts import plain_ring, shell_twist_stiffness
-from hdassist.model.geometry import Geometry
+from hdassist.drive.model.contacts import plain_ring, shell_twist_stiffness
+from hdassist.drive.model.geometry import Geometry
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Closed forms of rings and shells"

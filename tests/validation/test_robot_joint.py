@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.measuring.measure import SweepResult, measure
+from hdassist.features.measuring.measure import SweepResult, measure
 from hdassist.readers.trace import read_trace
 from tests.validation.case import Case, Information, Kind, about, parameters
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdassist.error.error_map import ErrorMap
+from hdassist.drive.error.error_map import ErrorMap
 from tests.helpers.support import changed
 
 HOLES = 12

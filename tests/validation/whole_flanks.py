@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from hdassist import Drive, load_preset
-from hdassist.error.error_map import ErrorMap
+from hdassist.drive.error.error_map import ErrorMap
 from tests.helpers.support import changed
 
 FOUND = {

@@ -1,0 +1,1 @@
+"""Features: what the commands compute, and the declaration of their results."""

@@ -1,0 +1,1 @@
+"""The interface: command line, commands, pages, terminal and explorer."""
