@@ -2,7 +2,8 @@
 
 Each hidden drive resembles the data-sheet preset. Its stiffnesses, wave, supports and clearances are sampled from other
 distributions than those of the prior. Its rings, teeth, temperature and flanks (whole or coned) differ, although the
-prior takes them as exact, and its teeth have harmonics of every order and noise. The teeth are shifted until the drive
+prior takes them as exact. Its teeth have harmonics of every order and noise, or with --teeth smooth only the orders 1
+to 4. The teeth are shifted until the drive
 has no backlash, as in a harmonic drive, and then closer by a preload from another distribution than that of the prior.
 --stiff selects drives with small clearances and stiff supports. The known data of a hidden drive are K_1 to K_3, with
 errors of 10 %, and an upper limit of its lost motion. With --coupling, a solid hub is known too if the drive has one,
@@ -26,7 +27,8 @@ import numpy as np
 EXACT = ("flexspline.h_1", "flexspline.h_3", "flexspline.k_t", "bearing.ring_h", "material.E")  # exact in the prior
 OFF = 0.08  # standard deviation of the logarithm of these fields in hidden drives
 WARM = 6.0  # K, standard deviation of operation.dT
-HIGHEST, NOISE = 12, 1.0  # highest order of the harmonics of the teeth; standard deviation of single teeth [um]
+# highest order of the harmonics of the teeth, and standard deviation of single teeth [um]
+TEETH = {"rough": (12, 1.0), "smooth": (4, 0.0)}
 MISREAD = 0.10  # standard deviation of the logarithm of a catalogue stiffness
 ROOM = 1.2  # limit of the lost motion in the catalogue over the lost motion of the drive
 PRELOAD = 0.012  # scale of the Rayleigh distribution of the preload, a profile shift in modules
@@ -57,13 +59,22 @@ class Judged:
     refused: str = ""
 
 
-def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, coupling: bool = False) -> Judged:
+def judged(
+    number: int,
+    draws: int,
+    most: int,
+    seed: int,
+    teeth: str = "rough",
+    stiff: bool = False,
+    coupling: bool = False,
+) -> Judged:
     """Return the verdict by the rule of check on a hidden drive.
 
     number: number of the drive.
     draws: required effective sample size.
     most: factor by which it may be increased if the verdict is undecided.
     seed: seed of all drives.
+    teeth: kind of teeth, a key of TEETH.
     stiff: whether the drive lies within STIFF.
     coupling: whether a solid hub is known.
     """
@@ -75,7 +86,7 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
 
     rng = np.random.default_rng([seed, number])
     try:
-        preset, M_g, F_ior = hidden(rng, stiff, coupling)
+        preset, M_g, F_ior = hidden(rng, teeth, stiff, coupling)
         limit = F_ior * np.exp(LIMITS * rng.standard_normal())
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=partial(limits_settled, [limit]),
@@ -88,11 +99,11 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
     return Judged(F_ior, limit, p5, p95, verdict, samples.effective)
 
 
-def hidden(rng: np.random.Generator, stiff: bool = False, coupling: bool = False):
+def hidden(rng: np.random.Generator, teeth: str = "rough", stiff: bool = False, coupling: bool = False):
     """Return the preset with the known data of a hidden drive, a torque M_g [N*m] and the true F'_ior [arcsec]."""
-    preset, there, teeth = hidden_drive(rng, stiff=stiff, coupling=coupling)
+    preset, there, deviations = hidden_drive(rng, teeth=teeth, stiff=stiff, coupling=coupling)
     M_g = preset.operation.M_g[0]
-    return preset, M_g, true_F_ior(there, M_g, teeth)
+    return preset, M_g, true_F_ior(there, M_g, deviations)
 
 
 def true_F_ior(drive, M_g: float, teeth) -> float:
@@ -107,6 +118,7 @@ def true_F_ior(drive, M_g: float, teeth) -> float:
 def hidden_drive(
     rng: np.random.Generator,
     ratios: tuple[float, ...] = (50, 80, 100, 120),
+    teeth: str = "rough",
     stiff: bool = False,
     coupling: bool = False,
 ):
@@ -114,6 +126,7 @@ def hidden_drive(
 
     rng: random generator.
     ratios: possible ratios of the drive.
+    teeth: kind of its teeth, a key of TEETH.
     stiff: whether the drive lies within STIFF.
     coupling: whether the preset states a solid hub if the wave generator of the drive sits on one.
     """
@@ -148,7 +161,7 @@ def hidden_drive(
     given = requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness)), coupling=hub)
     text = similar_preset("own", like, given)
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
-    return preset, there, rough_teeth(there, rng)
+    return preset, there, tooth_deviations(there, rng, *TEETH[teeth])
 
 
 def _without_play(drive, preload: float):
@@ -196,13 +209,18 @@ def drawn_values(prior, rng: np.random.Generator, within: dict[str, tuple[float,
     return found
 
 
-def rough_teeth(drive, rng: np.random.Generator):
-    """Return the deviations of the teeth of both wheels [um]: harmonics that decrease with their order, and noise."""
+def tooth_deviations(drive, rng: np.random.Generator, highest: int, noise_um: float):
+    """Return the deviations of the teeth of both wheels [um]: harmonics that decrease with their order, and noise.
+
+    rng: random generator.
+    highest: highest order of the harmonics.
+    noise_um: standard deviation of single teeth [um].
+    """
     from hdassist.drive.model.deviations import ToothDeviations
 
     def wheel(z: int, peak_to_peak: float):
-        angle, found = 2 * np.pi * np.arange(z) / z, NOISE * rng.standard_normal(z)
-        for order in range(1, HIGHEST + 1):
+        angle, found = 2 * np.pi * np.arange(z) / z, noise_um * rng.standard_normal(z)
+        for order in range(1, highest + 1):
             size = peak_to_peak / 2 * (1.0 if order == 1 else 0.1 * rng.rayleigh() / order)
             found += size * np.cos(order * angle - 2 * np.pi * rng.random())
         return found
@@ -265,6 +283,7 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=40, help="hidden drives")
     parser.add_argument("--draws", type=int, default=64, help="effective samples at least")
     parser.add_argument("--most", type=int, default=8, help="times as many, where the verdict is open")
+    parser.add_argument("--teeth", choices=list(TEETH), default="rough", help="teeth of the hidden drives")
     parser.add_argument("--stiff", action="store_true", help="small clearances, stiff supports")
     parser.add_argument("--coupling", action="store_true", help="a solid hub is known where it is one")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
@@ -275,7 +294,15 @@ def main() -> None:
         for of, held in zip(("of the belief", "of these, stiff ones"), own_drives(args.jobs, args.seed), strict=True):
             print(f"90 % ranges that hold drives {of}: {sum(held)} of {len(held)}, {np.mean(held):.0%}")
         return
-    one = partial(judged, draws=args.draws, most=args.most, seed=args.seed, stiff=args.stiff, coupling=args.coupling)
+    one = partial(
+        judged,
+        draws=args.draws,
+        most=args.most,
+        seed=args.seed,
+        teeth=args.teeth,
+        stiff=args.stiff,
+        coupling=args.coupling,
+    )
     found = []
     with ProcessPoolExecutor(args.jobs) as pool:
         for k, each in enumerate(pool.map(one, range(args.n))):

@@ -22,7 +22,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.honesty import drawn_values, hidden_drive, rough_teeth
+from benchmarks.honesty import TEETH, drawn_values, hidden_drive, tooth_deviations
 
 POSITIONS = (12, 24, 36, 72, 127, 211, 360)
 RECORDS = (1, 10, 0)  # input revolutions of a recording; 0: one output revolution
@@ -164,7 +164,7 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
         there = preset.with_values(drawn_values(prior_of(preset), rng, {}))
         while first_conflict(there) is not None:
             there = preset.with_values(drawn_values(prior_of(preset), rng, {}))
-        found = kinematic_error(there, M_g, teeth=rough_teeth(there, rng), run=UNCHECKED)
+        found = kinematic_error(there, M_g, teeth=tooth_deviations(there, rng, *TEETH["rough"]), run=UNCHECKED)
         error, turn = found.error_arcsec, kinematics.teeth_fixed * abs(kinematics.u)  # turn: states per revolution
         off = partial(reading, error, turn, int(rng.integers(len(error))), rng.uniform(0, 2 * np.pi), rng)
         record = bench_record(read_numbers(filled_in(file, off).encode()))

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.honesty import EXACT, OFF, hidden_drive, rough_teeth
+from benchmarks.honesty import EXACT, OFF, TEETH, hidden_drive, tooth_deviations
 
 M_G, HOLES, FIRST, MOST = 80.0, 12, (0, 4, 8), 6
 GOOD = 0.05  # regret below which a hole is as good as the best
@@ -83,7 +83,7 @@ def drive_like_vzp160(seed: int):
     drive = preset.with_values({p: preset.number(p) * np.exp(OFF * rng.standard_normal()) for p in (*EXACT, *ALSO_OFF)})
     numerics = drive.numerics.model_copy(update={"stations": int(rng.choice([1, 3, 5, 9]))})
     drive = drive.model_copy(update={"numerics": numerics})
-    teeth = rough_teeth(drive, rng)
+    teeth = tooth_deviations(drive, rng, *TEETH["rough"])
     marks = {path: _direction(of) for path, of in (("phases.xi_g", teeth.g), ("phases.xi_b", teeth.b))}
     return drive, teeth, preset.with_values(marks), rng
 

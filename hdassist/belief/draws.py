@@ -587,6 +587,7 @@ class Sampling:
         seeds = [[self.seed, system.number] for _ in range(count)]
         tested, proof = self._tested(system, system.drive, self._columns_of(candidates), seeds)
         likelihood = np.exp(self.accuracy.log_likelihood(tested))
+        # equation (9d) of docs/theory.md
         density = LEAST_DENSITY + (1 - LEAST_DENSITY) * likelihood / likelihood.mean()
         # systematic sampling: equal steps of the cumulative density from a random start
         steps = (rng.random() + np.arange(self.sets) / self.sets) % 1

@@ -86,7 +86,7 @@ class Evidence:
             deviation = np.maximum(predicted / self.value - 1, 0) / self.spread
         else:
             deviation = (predicted - self.value) / self.spread
-        return np.asarray(-(_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM))
+        return np.asarray(-(_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM))  # equation (9c) of docs/theory.md
 
 
 def is_error_measured(drive: Drive) -> bool:

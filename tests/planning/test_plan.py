@@ -9,6 +9,9 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.drive.error.cycle import kinematic_error
+from hdassist.drive.error.error_map import Batch, ErrorMap
+from hdassist.drive.error.extremes import DRAWN_GRIDS
+from hdassist.drive.error.readings import ranges_as_tested
 from hdassist.drive.error.waves import error_lines
 from hdassist.drive.model.deviations import ToothDeviations
 from hdassist.drive.preset.fields import DEVIATIONS
@@ -45,6 +48,17 @@ def test_seen_share_equals_that_of_positions_in_the_solved_cycle(small, position
     seen = under_test.seen_shares(ReadingPlan.positions(positions), starts[None] / len(error))
     assert np.abs(seen[0] - solved).max() < 0.03
     assert seen.mean() == pytest.approx(solved.mean(), abs=0.005)
+
+
+def test_accuracy_at_twelve_positions_captures_the_share_of_the_plan(small):
+    """The reference data read twelve positions of solved states; plan reads them on its curves."""
+    error, under_test = small
+    drive = load_preset(SMALL)
+    starts = np.linspace(0, 1, 16, endpoint=False)
+    batch = Batch(drive, {"tolerances.F_i2": np.full(len(starts), drive.number("tolerances.F_i2"))})
+    tested, _ = ranges_as_tested(ErrorMap(drive, 4.0), batch, 12, starts, DRAWN_GRIDS)
+    seen = under_test.seen_shares(ReadingPlan.positions(12), starts[None])[0]
+    assert tested / np.ptp(error) == pytest.approx(seen, abs=0.03)
 
 
 def test_curve_equals_the_error_of_the_solved_cycle(small):

@@ -172,6 +172,16 @@ def test_drive_of_unknown_quality_has_wide_assumed_tolerances() -> None:
     assert of_unknown_quality(lost_motion="90").catalogue.lost_motion == 90
 
 
+def test_the_test_of_an_accuracy_needs_the_accuracy() -> None:
+    required = read_requirements(LIKE, ratio=100.0, accuracy="30", accuracy_test="12_positions")
+    drive = load_text(similar_preset("own", LIKE, required), "own")
+    assert (drive.catalogue.accuracy, drive.catalogue.accuracy_test) == (30, "12_positions")
+    with pytest.raises(UsageError, match="--accuracy is not given"):
+        read_requirements(LIKE, ratio=100.0, accuracy_test="12_positions")
+    with pytest.raises(UsageError, match="invalid --accuracy-test positions"):
+        read_requirements(LIKE, ratio=100.0, accuracy="30", accuracy_test="positions")
+
+
 def test_a_known_quality_is_as_before() -> None:
     plain = similar_preset("own", LIKE, read_requirements(LIKE, ratio=100.0))
     assert similar_preset("own", LIKE, read_requirements(LIKE, ratio=100.0, quality="catalogue")) == plain

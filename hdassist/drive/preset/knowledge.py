@@ -273,6 +273,7 @@ _NOT_MODELLED = {  # kinds of flexsplines that are not modelled, and the reason
     "ring": "a ring between two circular splines meshes with both, and the model has one mesh and a shell",
     "plastic": "it creeps and expands, and stiffnesses of contacts and tolerances are known for steel only",
 }
+_ACCURACY_TEST = "catalogue.accuracy_test"
 _QUALITY = "quality"  # key in the requirements, in addition to fields
 # fields copied only if the known drive states them with a value other than 0; all others get their defaults
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
@@ -641,6 +642,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     stiffness: catalogue stiffnesses K1, K2, K3, or only K3 [N*m/rad].
     T1, T2: ends of the segments of the catalogue's torsion curve [N*m].
     lost_motion, accuracy: catalogue values [arcsec].
+    accuracy_test: test of the accuracy, as in catalogue.accuracy_test.
     quality: catalogue or unknown; determines the assumptions on tolerances and backlash.
     flexspline: kind of the flexspline.
     Raises UsageError if an option cannot be read, or two options contradict each other.
@@ -652,6 +654,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
         if text is not None:
             option = f"--{name.replace('_', '-')}"
             required[path] = SimilarValue(_measure(option, text, unit), "given", f"{option} {text}")
+    required |= _accuracy_test(given.get("accuracy_test"), has_accuracy=given.get("accuracy") is not None)
     required |= _teeth_requirement(like, given.get("teeth"), ratio)
     required |= _stiffness_requirement(given.get("stiffness"))
     _require_rising_torques(required)
@@ -667,6 +670,25 @@ def _quality(quality: str | None) -> Requirements:
         message = f"invalid --quality {shown(quality)}: expected one of {', '.join(_QUALITIES)}"
         raise UsageError(message, near_miss(quality, _QUALITIES))
     return {_QUALITY: SimilarValue(quality, "given", f"--quality {quality}")}
+
+
+def _accuracy_test(test: str | None, *, has_accuracy: bool) -> Requirements:
+    """Return the manufacturer's test of the accuracy, empty if it is not stated.
+
+    Raises UsageError for an unknown test, or if the accuracy is not stated.
+    """
+    if test is None:
+        return {}
+    tests = field_table()[_ACCURACY_TEST].choices
+    if test not in tests:
+        message = f"invalid --accuracy-test {shown(test)}: expected one of {', '.join(tests)}"
+        raise UsageError(message, near_miss(test, tests))
+    if not has_accuracy:
+        raise UsageError(
+            "--accuracy-test states how the value of --accuracy is tested, but --accuracy is not given",
+            "give both, for example --accuracy 30 --accuracy-test full_revolution",
+        )
+    return {_ACCURACY_TEST: SimilarValue(test, "given", f"--accuracy-test {test}")}
 
 
 def _teeth_requirement(

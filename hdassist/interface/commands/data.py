@@ -278,6 +278,7 @@ class WishOptions(o.OptionGroup):
     T2: str | None = None
     lost_motion: str | None = None
     accuracy: str | None = None
+    accuracy_test: str | None = None
     holes: str | None = None
     allowed_holes: str | None = None
     quality: str | None = None
@@ -317,6 +318,7 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
+      hdassist presets new own --ratio 100 --accuracy 30 --accuracy-test full_revolution
       hdassist presets new own --ratio 100 --holes 8 --allowed-holes 0,2,4,6
       hdassist presets new own --ratio 100 --torque 26 --quality unknown
       hdassist presets new my-drive -o my-drive.yaml
@@ -326,11 +328,11 @@ class PresetsNewCommand(WishOptions):
     coupling. solid: it is one piece with its hub. overhung: it sits on the free end of a motor shaft. Values without an
     option are scaled from the other drive by size. They are marked as assumed, with a plausible range. --pitch-diameter
     states the size. Without it, the size follows from K3, or otherwise from --torque, because in catalogues both
-    increase with the cube of the diameter. --stiffness, --T1, --T2, --lost-motion and --accuracy are copied to the
-    table catalogue of the preset. check compares the samples of assumed values with these reference data. If a data
-    sheet gives only one stiffness, it counts as K3. The drive is assumed to have a cup-shaped steel flexspline on a
-    flexible ball bearing, like the drive of --like. The first lines of the preset name the fields to change for another
-    type of drive.
+    increase with the cube of the diameter. --stiffness, --T1, --T2, --lost-motion, --accuracy and --accuracy-test are
+    copied to the table catalogue of the preset. check compares the samples of assumed values with these reference data.
+    If a data sheet gives only one stiffness, it counts as K3. The drive is assumed to have a cup-shaped steel
+    flexspline on a flexible ball bearing, like the drive of --like. The first lines of the preset name the fields to
+    change for another type of drive.
     """
 
     output: str = "-"
