@@ -244,7 +244,7 @@ LENGTH = 0.6
 MISFITS = (0.0, 0.02, 0.04, 0.08)
 _SMOOTH_ORDERS = 16  # number of orders of the Fourier series of a misfit over the seat; the next one would be 1e-11
 SMOOTH_NUMBERS = 2 * _SMOOTH_ORDERS + 1
-LEAST_SHOWN = 0.1  # lower bound of the ratio of a drive's F'_ior to that of the model
+LEAST_ERROR_RATIO = 0.1  # lower bound of the ratio of a drive's F'_ior to that of the model
 MISREAD = 0.03  # probability that a value is misread; at most one of several values is
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of the value
 _UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show the measured F'_ior
@@ -308,7 +308,7 @@ def errors_of_drive(
     weights = np.linalg.solve(covariance_of_values, (y - drawn_values)[..., None])[..., 0]
     conditioned = F_ior + (covariance * weights[:, None, :]).sum(axis=2)
     # a normal distribution is unbounded, but F'_ior is not
-    bounded = np.maximum(conditioned, LEAST_SHOWN * f)[:, :count]
+    bounded = np.maximum(conditioned, LEAST_ERROR_RATIO * f)[:, :count]
     return bounded, scale + SCALE**2 * (f_measured * weights).sum(axis=1)
 
 

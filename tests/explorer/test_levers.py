@@ -4,7 +4,7 @@ import pytest
 
 from hdassist.drive.loading import load_text
 from hdassist.drive.preset.fields import field_table, resolved_fields, text_of
-from hdassist.interface.explorer.state import about_field, opened_state, step_of, stepped
+from hdassist.interface.explorer.state import about_field, key_step, opened_state, stepped
 from tests.explorer.rig import tiny
 from tests.helpers.process import TINY
 
@@ -39,7 +39,7 @@ def test_value_text_is_read_back_as_the_same_value() -> None:
     ],
 )
 def test_input_step_is_natural_to_its_unit_or_one_percent(path: str, value: float, step: float) -> None:
-    assert step_of(field_table()[path], value) == pytest.approx(step)
+    assert key_step(field_table()[path], value) == pytest.approx(step)
 
 
 def test_steps_leave_no_dust_of_binary_fractions() -> None:

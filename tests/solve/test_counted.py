@@ -26,7 +26,7 @@ ANSWERS: dict[str, Callable[[Drive], Certificate]] = {
 @pytest.mark.parametrize("command", ["mount", "plan"])
 def test_all_solved_states_are_reported(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solved = 0
-    require_proof = answers._require_proof
+    require_proof = answers._require_small_residuals
 
     def counted(proof: Residuals, place: Callable[[int], str], first: int) -> None:
         nonlocal solved
@@ -34,6 +34,6 @@ def test_all_solved_states_are_reported(command: str, monkeypatch: pytest.Monkey
         require_proof(proof, place, first)
 
     drive = load_preset(TINY, LIMITED)
-    monkeypatch.setattr(answers, "_require_proof", counted)
+    monkeypatch.setattr(answers, "_require_small_residuals", counted)
     reported = ANSWERS[command](drive)
     assert reported.states == solved > 0

@@ -297,25 +297,25 @@ FIELD_RULES = (
 _FARTHEST_TURN = 3600.0  # deg; largest plausible rotation of a wheel
 
 
-def turn_of(where: str, holes: int) -> float:
+def turn_of(position: str, holes: int) -> float:
     """Return the rotation [deg] of the fixed wheel to a position, or NaN if the position is invalid.
 
-    where: hole of the seat ("h4") or angle in deg ("120").
+    position: hole of the seat ("h4") or angle in deg ("120").
     holes: number of holes of the seat.
     """
-    number = number_of(where.removeprefix("h"))
-    turn = number * 360 / holes if where.startswith("h") and holes else number
-    return turn if where.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
+    number = number_of(position.removeprefix("h"))
+    turn = number * 360 / holes if position.startswith("h") and holes else number
+    return turn if position.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
 
 
-def position_fault(where: str, holes: int) -> tuple[str, str] | None:
+def position_fault(position: str, holes: int) -> tuple[str, str] | None:
     """Return the reason why a position is not on the seat, with a hint, or None if it is.
 
-    where: hole of the seat ("h4") or angle in deg ("120").
+    position: hole of the seat ("h4") or angle in deg ("120").
     holes: number of holes of the seat; 0 permits any angle.
     """
-    number = number_of(where.removeprefix("h"))
-    if where.startswith("h"):
+    number = number_of(position.removeprefix("h"))
+    if position.startswith("h"):
         if not holes:
             return "names a hole, but the seat has none", "set their number in mounting.holes"
         return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")

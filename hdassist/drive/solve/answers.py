@@ -308,7 +308,7 @@ def proven_answers(
     certificate = EMPTY
     # a failing chunk stops the work at once, because later chunks would be computed in vain
     for sums in chunks:
-        _require_proof(sums.residuals, place, certificate.states)
+        _require_small_residuals(sums.residuals, place, certificate.states)
         _require_linear(system, sums.rotation, place, certificate.states)
         force, gap, product, balance = sums.residuals.shares.max(axis=0).tolist()
         certificate += Certificate(
@@ -338,7 +338,7 @@ def _joined(parts: Iterable[Array]) -> Array:
     return np.concatenate(arrays) if arrays else np.empty(0)
 
 
-def _require_proof(
+def _require_small_residuals(
     proof: Residuals,
     place: Callable[[int], str],
     first: int,

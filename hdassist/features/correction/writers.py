@@ -60,7 +60,7 @@ class _PlayedCorrection:
     period_deg: period of the reading [deg].
     stored: numbers in the file.
     scale: scale of the stored numbers; 1 if the file has no scale.
-    is_of_cam: whether the reading is the input angle instead of the output angle.
+    is_input_angle: whether the reading is the input angle instead of the output angle.
     """
 
     reading_deg: Array
@@ -68,7 +68,7 @@ class _PlayedCorrection:
     period_deg: float
     stored: Array
     scale: float = 1.0
-    is_of_cam: bool = False
+    is_input_angle: bool = False
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def stored_table(
         _RESAMPLED_POINTS,
         endpoint=False,
     )
-    turns_as_read = played.is_of_cam or table.turn == "output"
+    turns_as_read = played.is_input_angle or table.turn == "output"
     reading = axis.zero_deg + axis.sense * angle / (1 if turns_as_read else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
     return replace(table, error_arcsec=error)
@@ -235,7 +235,7 @@ def controller_file(
     source: description of the preset or the recording.
     """
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
-    reads_input = controller.played is not None and controller.played(table, axis).is_of_cam
+    reads_input = controller.played is not None and controller.played(table, axis).is_input_angle
     shaft = "wave generator" if reads_input else "output"
     steps = axis.steps_per_degree
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its revolution"] if steps else []
@@ -273,7 +273,7 @@ def controller_file(
     return "\n".join([*lines, ""]), "\n".join([*about, ""])
 
 
-def _turn_rows(
+def _rows_of_one_turn(
     table: CorrectionTable,
     axis: ControllerAxis,
     digits: int,
@@ -292,13 +292,13 @@ def _turn_rows(
 
 def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """Return the rows with nominal position and forward and reverse trim [deg], which is added to the position."""
-    rows = zip(*_turn_rows(table, axis, 6), strict=True)
+    rows = zip(*_rows_of_one_turn(table, axis, 6), strict=True)
     return [f"{nominal:.6f} {-up / 3600:.7f} {-down / 3600:.7f}" for nominal, up, down in rows]
 
 
 def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """Return the lines of a list of positions and errors for both directions, in steps of 0.0001 deg."""
-    reading, *errors = _turn_rows(table, axis, 4)
+    reading, *errors = _rows_of_one_turn(table, axis, 4)
     places, *columns = (
         np.rint(values * _TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
     )
@@ -390,7 +390,7 @@ def _moteus_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorre
         period_deg=360.0,
         stored=stored.astype(int),
         scale=scale,
-        is_of_cam=True,
+        is_input_angle=True,
     )
 
 

@@ -93,7 +93,8 @@ _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power o
 # highest order per input revolution that may appear as a lower one; ball-pass orders lie below it
 _HIGHEST_IMAGE = 30.0
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
-_CLEAR_BEAT = 0.05  # smallest amplitude of a sideband that is evidence of another ratio, as a share of the largest
+# smallest amplitude of a sideband that is evidence of another ratio, as a share of the largest
+_LEAST_SIDEBAND_SHARE = 0.05
 _FEWEST_BEATS = 3  # minimum number of sidebands at the same distance that are evidence of another ratio
 _CORRELATED = 1e3  # condition number of the normal equations above which orders cannot be shrunk individually
 
@@ -477,7 +478,7 @@ def other_ratio(
         offset = abs(line - order)
         is_of_ratio = abs(offset / step - round(offset / step)) * step <= tolerance
         is_sideband = tolerance < offset <= min(BEATS / ratio, 1 / _LEAST_RATIO) and not is_of_ratio
-        if is_sideband and float(fit.amplitude[index]) >= _CLEAR_BEAT * float(fit.amplitude.max()):
+        if is_sideband and float(fit.amplitude[index]) >= _LEAST_SIDEBAND_SHARE * float(fit.amplitude.max()):
             distances[order, line > order] = offset
     for offset in sorted(distances.values()):
         equal = [distance for distance in distances.values() if abs(distance - offset) <= tolerance]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from hdassist.belief.evidence import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
+from hdassist.belief.evidence import LEAST_ERROR_RATIO, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
 from hdassist.belief.holes import (
     LEAST_GAIN,
     NO_ERROR,
@@ -662,7 +662,7 @@ def as_measured(
     for F_ior in decision.F_ior_arcsec:
         f = F_ior[rows[:, None], columns]
         smooth = smooth_misfits(decision.rotations_deg, rng.standard_normal((number, SMOOTH_NUMBERS)))
-        shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_SHOWN * f))
+        shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_ERROR_RATIO * f))
     F_ior_arcsec = np.array(shown)
     stay = decision.stay
     now_arcsec = decision.now_arcsec[:, rows] if stay is None else F_ior_arcsec[..., stay]

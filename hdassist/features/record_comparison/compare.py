@@ -43,9 +43,9 @@ _NAMED_SHARE = 0.3  # smallest share of a combination from which a vector is nam
 _VAGUE_DIRECTION = 60.0  # largest standard uncertainty of a direction that is reported [deg]
 _DECIMALS = 3  # largest number of decimals of a new value
 _ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-_MIRRORED = 0.5  # largest chi-square of a mirrored file, over that of the stated file, that is reported
+_MIRRORED_RATIO = 0.5  # largest chi-square of a mirrored file, over that of the stated file, that is reported
 # largest relative chi-square at which a mirrored file is reported without a search for deviations that fit better
-_SURELY_MIRRORED = 0.1
+_CLEARLY_MIRRORED_RATIO = 0.1
 _SCREEN = 0.5  # smallest linear gain for which deviations are fitted, as a share of a clear gain
 _POLISHED = 2.0  # largest chi-square of a fit that is continued on the fine torus, as a multiple of the smallest
 _RESIDUAL_ORDERS = 3  # number of named orders of a residual
@@ -365,7 +365,7 @@ class _RecordReader:
         ways = [(alignment, *self.fitted(alignment)) for alignment in asked.swapped]
         alignment, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
         # the usual reading is kept unless the chi-square is at most half
-        if fit.chi_square > _MIRRORED * base.chi_square:
+        if fit.chi_square > _MIRRORED_RATIO * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
         return _MirroredFile(alignment, fitter.residual_rms_arcsec(fit), within), fit
@@ -400,7 +400,7 @@ def mirrored_reading(
     if _explanation(base, base, fitter).sufficient:
         return None
     better = reader.mirrored(asked, base)
-    if better and (better[0].within_noise or better[1].chi_square <= _SURELY_MIRRORED * base.chi_square):
+    if better and (better[0].within_noise or better[1].chi_square <= _CLEARLY_MIRRORED_RATIO * base.chi_square):
         return better[0]
     return None
 

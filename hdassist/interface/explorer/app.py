@@ -205,9 +205,9 @@ class _Exporting(Asking):
         say = texts()
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
         name = self.named("-card.html")
-        self.ask_file("assembly card", name, hint, lambda path: CardFile(path, say).text(advice))
+        self.ask_and_write_file("assembly card", name, hint, lambda path: CardFile(path, say).text(advice))
 
-    def ask_file(
+    def ask_and_write_file(
         self,
         title: str,
         name: str,
@@ -266,7 +266,7 @@ class _Exporting(Asking):
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
         hint = ".html, or Markdown: the page of check; hdassist report includes mount and stiffness too"
-        self.ask_file("report", self.named("-check.html"), hint, text)
+        self.ask_and_write_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
         """Write the preset with the changes; comments and sequence remain unchanged."""
@@ -279,13 +279,17 @@ class _Exporting(Asking):
         name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
         hint = "comments and order of the original remain"
         saved = partial(setattr, self, "saved", self.session.changes)
-        self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides), saved)
+
+        def changed_text(_path: str) -> str:
+            return with_changes(source.text, source.file, overrides)
+
+        self.ask_and_write_file("save the preset", name, hint, changed_text, saved)
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
         picture = without_fonts(self.export_screenshot())
         hint = "the present screen, as SVG"
-        self.ask_file("picture", self.named(".svg"), hint, lambda _: picture)
+        self.ask_and_write_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
         """Copy the command line to the clipboard."""

@@ -26,7 +26,7 @@ from hdassist.features.mounting.advice import Advice, advice_states, advise, adv
 from hdassist.features.mounting.positions import rotated, seat_positions
 from hdassist.features.mounting.posterior import TrialSetup
 from hdassist.features.preset_comparison import differing_fields
-from hdassist.interface.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
+from hdassist.interface.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, key_step
 from hdassist.interface.pages.check import check_report
 from hdassist.interface.pages.curves import trace_report
 from hdassist.interface.pages.mount import mount_report
@@ -313,7 +313,7 @@ def _steps(
         elif path == TEETH_FIELDS[0]:
             yield path, (here.gears.z_b - here.gears.z_g,)
         elif field.kind == "number" and not is_setting:
-            yield path, (step_of(field, value), -step_of(field, value))
+            yield path, (key_step(field, value), -key_step(field, value))
 
 
 def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:

@@ -284,7 +284,7 @@ def about_field(field: ResolvedField) -> str:
     return f"{field.path}: {field.meaning}{f'; {reach}' if reach else ''}"
 
 
-def step_of(field: PresetField, value: float) -> float:
+def key_step(field: PresetField, value: float) -> float:
     """Return the step size of a field at a value.
 
     It is 1 for a count, otherwise the usual step of the unit, or the power of ten between 1 and 10 % of the value. The
@@ -312,4 +312,4 @@ def stepped(
     value = drive.value(path)
     if field.kind not in ("number", "count") or value is None:
         return None
-    return text_of(float(f"{value + steps * step_of(field, value):.10g}"))
+    return text_of(float(f"{value + steps * key_step(field, value):.10g}"))
