@@ -245,9 +245,9 @@ def cycle_curves(
     points = CURVE_POINTS_PER_REV * cycle.numerator
     periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
     cosines, sines = np.split(amplitudes, 2, axis=1)
-    spectrum = np.zeros((points // 2 + 1, len(amplitudes)), complex)
-    np.add.at(spectrum, periods, (points / 2) * (cosines - 1j * sines).T)
-    return np.fft.irfft(spectrum.T, points, axis=1)
+    spectrum = np.zeros((len(amplitudes), points // 2 + 1), complex)
+    np.add.at(spectrum, (slice(None), periods), (points / 2) * (cosines - 1j * sines))
+    return np.fft.irfft(spectrum, points, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,26 +305,37 @@ def curve_extremes(curves: Array, is_visited: NDArray[np.bool_]) -> CurveExtreme
     lowest = curves.argmin(axis=1)
     rows = np.arange(len(curves))
     ranges = curves[rows, highest] - curves[rows, lowest]
-    visited_ranges = ranges
-    if not is_visited.any():
-        visited_ranges = np.zeros(len(curves))
-    elif not is_visited.all():
-        visited_ranges = np.ptp(curves[:, is_visited], axis=1)
+    visited_ranges = np.zeros(len(curves))
+    if is_visited.any():
+        # most curves have both extremes at covered points
+        is_inside = is_visited[highest] & is_visited[lowest]
+        visited_ranges[is_inside] = ranges[is_inside]
+        if not is_inside.all():
+            visited_ranges[~is_inside] = np.ptp(curves[~is_inside][:, is_visited], axis=1)
     return CurveExtremes(
         range_arcsec=ranges,
-        peak_range_arcsec=_value_at_peak(curves, highest) + _value_at_peak(-curves, lowest),
+        peak_range_arcsec=_value_at_extreme(curves, highest, 1) + _value_at_extreme(curves, lowest, -1),
         visited_range_arcsec=visited_ranges,
         highest=highest,
         lowest=lowest,
     )
 
 
-def _value_at_peak(curves: Array, highest: _Indices) -> Array:
-    """Return the maximum of periodic curves, from parabolas through the highest points and their neighbours."""
+def _value_at_extreme(
+    curves: Array,
+    places: _Indices,
+    sign: int,
+) -> Array:
+    """Return the maximum of periodic curves times a sign, from parabolas through three neighbouring points.
+
+    curves: curves over the cycle, shape (curves, points).
+    places: index of the highest point of each curve times the sign, shape (curves,).
+    sign: 1 for the maximum of the curves, -1 for the negative of their minimum.
+    """
     rows = np.arange(len(curves))
-    before = curves[rows, highest - 1]
-    behind = curves[rows, (highest + 1) % curves.shape[1]]
-    return parabola_peak(before, curves[rows, highest], behind)
+    before = curves[rows, places - 1]
+    behind = curves[rows, (places + 1) % curves.shape[1]]
+    return parabola_peak(sign * before, sign * curves[rows, places], sign * behind)
 
 
 def parabola_peak(

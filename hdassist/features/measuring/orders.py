@@ -777,7 +777,6 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     """
     # at even angles, an order and `rate` minus that order have the same readings
     rate, start, evenness = even_readings(fit.bins)
-    images = rate - fit.orders
     declared = np.rint(fit.orders)
     # a declared order is hidden with all of its sidebands or not at all
     is_hidden = (rate - declared > declared) & (rate - declared <= _HIGHEST_IMAGE)
@@ -791,12 +790,21 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     # complex amplitude: a cos(p) + b sin(p) = Re((a - i b) exp(i p))
     amplitudes = fit.coefficients.reshape(2, -1).T @ [1, -1j]
     # images are reflected about the first reading, where order and image agree in phase
-    image_amplitudes = (amplitudes * np.exp(2j * np.pi * rate * start)).conj()[:, None] * is_replaced
-    image_curves = curve_of(np.concatenate([image_amplitudes.real, -image_amplitudes.imag]), images, turns)
+    image_amplitudes = amplitudes * np.exp(2j * np.pi * rate * start)
+    hidden_amplitudes = image_amplitudes[:, None] * is_replaced
+    # an image is Re(exp(2 pi i rate t) conj(h exp(i p))), so the columns of its order give both parts of h exp(i p)
+    real_parts = np.concatenate([hidden_amplitudes.real, -hidden_amplitudes.imag])
+    imaginary_parts = np.concatenate([hidden_amplitudes.imag, hidden_amplitudes.real])
     # orders that are not replaced keep their coefficients
     remaining = np.tile(~is_replaced, (2, 1)) * fit.coefficients[:, None]
-    ranges = np.ptp(image_curves + curve_of(remaining, fit.orders, turns), axis=0)
-    return float(np.abs(ranges - np.ptp(fit.curve(turns))).max())
+    blocks = [real_parts, imaginary_parts, remaining, fit.coefficients[:, None]]
+    curves = curve_of(np.concatenate(blocks, axis=1), fit.orders, turns)
+    real, imaginary, remaining_curves = np.split(curves[:, :-1], 3, axis=1)
+    phase = 2 * np.pi * rate * turns[:, None]
+    image_curves = np.cos(phase) * real + np.sin(phase) * imaginary
+    ranges = np.ptp(image_curves + remaining_curves, axis=0)
+    fitted_range = np.ptp(curves[:, -1])
+    return float(np.abs(ranges - fitted_range).max())
 
 
 @dataclass(frozen=True)

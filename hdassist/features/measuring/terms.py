@@ -209,21 +209,34 @@ def order_columns(turns: Array, orders: Array) -> Array:
 
     The wave of order n + k/ratio is the product of the waves of orders n and k/ratio, of which there are only a few.
     """
-    # sidebands of different orders have the same fractions, so few exponentials generate all columns
-    whole_orders, part_orders = np.divmod(orders, 1)
-    part_orders = part_orders.round(12)
-    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole_orders.tolist(), *part_orders.tolist()}}
+    # sidebands of different orders have the same distances from their orders, so few waves generate all columns
+    whole_orders = np.rint(orders)
+    distances = (orders - whole_orders).round(12)
+    whole_waves = _whole_waves(turns, whole_orders)
+    beats = {distance: np.exp(2j * np.pi * distance * turns) for distance in np.unique(np.abs(distances)).tolist()}
     columns = np.empty((2, len(orders), len(turns)))
     pairs = zip(
         whole_orders.tolist(),
-        part_orders.tolist(),
+        distances.tolist(),
         strict=True,
     )
-    for row, (whole_order, part_order) in enumerate(pairs):
-        wave = waves[whole_order] * waves[part_order]
+    for row, (whole_order, distance) in enumerate(pairs):
+        beat = beats[abs(distance)]
+        wave = whole_waves[whole_order] * (beat if distance >= 0 else beat.conj())
         columns[0, row] = wave.real
         columns[1, row] = wave.imag
     return columns.reshape(2 * len(orders), len(turns)).T
+
+
+def _whole_waves(turns: Array, whole_orders: Array) -> dict[float, NDArray[np.complex128]]:
+    """Return the complex wave of each whole order at angles [revolutions], each of shape (angles,)."""
+    waves: dict[float, NDArray[np.complex128]] = {}
+    first = np.exp(2j * np.pi * turns)
+    for order in np.unique(whole_orders).tolist():
+        before = waves.get(order - 1)
+        # a product takes a tenth of the time of an exponential
+        waves[order] = np.exp(2j * np.pi * order * turns) if before is None else before * first
+    return waves
 
 
 def curve_of(
