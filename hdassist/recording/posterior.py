@@ -253,9 +253,9 @@ def _coherent_groups(gram: Array) -> list[_Indices]:
     """
     lengths = np.sqrt(np.diag(gram))
     lengths[lengths == 0] = 1.0
-    coherence = np.abs(gram) / np.outer(lengths, lengths)
+    is_coherent = np.abs(gram) > np.outer(_COHERENT * lengths, lengths)
     merged: list[_Indices] = []
-    count, label = connected_components(coherence > _COHERENT, directed=False)
+    count, label = connected_components(is_coherent, directed=False)
     for number in range(count):
         columns = np.flatnonzero(label == number)
         if merged and len(merged[-1]) + len(columns) <= _GROUP_COLUMNS:
@@ -605,7 +605,8 @@ class _Sampler:
             precision = gram / self._sigma2
             precision.flat[:: len(group) + 1] += prior[group]
             # LAPACK directly, because scipy's checks take twice as long
-            factor, is_singular = dpotrf(precision, lower=1, overwrite_a=1)
+            # transposed, because LAPACK would copy a symmetric matrix in C order
+            factor, is_singular = dpotrf(precision.T, lower=1, overwrite_a=1)
             if is_singular:
                 raise UntrustedError(
                     "the readings do not distinguish the components", "record longer", Fault.ORDERS_UNTOLD

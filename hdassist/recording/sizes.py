@@ -123,8 +123,9 @@ class SizeTree:
 
     order_prior: squared q_k A, shape (orders,).
     wave_prior: squared r_kj, shape (waves,).
-    order_of: order k of each wave, shape (waves,).
-    is_main: whether j = 0, shape (waves,).
+    parent_of: index of the size above each wave; those of the sidebands b_k follow those of the orders s_k, shape
+    (waves,).
+    waves_below: number of waves below each of these sizes, shape (2 orders,).
     order, sideband: squared s_k and b_k [arcsec^2], shape (orders,).
     order_aux, sideband_aux: their auxiliary variables [1/arcsec^2], shape (orders,).
     wave, wave_aux: v_kj [arcsec^2] and its auxiliary variable [1/arcsec^2], shape (waves,).
@@ -133,8 +134,8 @@ class SizeTree:
 
     order_prior: Array
     wave_prior: Array
-    order_of: _Indices
-    is_main: NDArray[np.bool_]
+    parent_of: _Indices
+    waves_below: _Indices
     order: Array
     sideband: Array
     order_aux: Array
@@ -154,11 +155,12 @@ class SizeTree:
         order_prior = orders**2 * mean_square
         wave_prior = waves**2
         wave = wave_prior * order_prior[pairs[:, 0]]
+        parent_of = np.where(pairs[:, 1] == 0, pairs[:, 0], len(orders) + pairs[:, 0])
         return cls(
             order_prior=order_prior,
             wave_prior=wave_prior,
-            order_of=pairs[:, 0],
-            is_main=pairs[:, 1] == 0,
+            parent_of=parent_of,
+            waves_below=np.bincount(parent_of, minlength=2 * len(orders)),
             order=order_prior.copy(),
             sideband=order_prior.copy(),
             order_aux=1 / order_prior,
@@ -176,24 +178,18 @@ class SizeTree:
         nu = _FREEDOM
         orders = len(self.order)
         self.wave = self.least + inverse_gamma(nu / 2 + 1, nu / self.wave_aux + squares / 2, rng)
-        parent = np.where(self.is_main, self.order[self.order_of], self.sideband[self.order_of])
+        parent = np.concatenate([self.order, self.sideband])[self.parent_of]
         self.wave_aux = inverse_gamma((nu + 1) / 2, nu / self.wave + 1 / (self.wave_prior * parent), rng)
         precision = 1 / (self.wave_prior * self.wave_aux)
-        is_sideband = ~self.is_main
-        sidebands = np.bincount(self.order_of[is_sideband], minlength=orders)
-        sideband_sum = np.bincount(
-            self.order_of[is_sideband],
-            precision[is_sideband],
-            minlength=orders,
+        sums = np.bincount(
+            self.parent_of,
+            precision,
+            minlength=2 * orders,
         )
+        mains, sidebands = np.split(self.waves_below, 2)
+        main_sum, sideband_sum = np.split(sums, 2)
         self.sideband = inverse_gamma((nu + sidebands) / 2, nu / self.sideband_aux + sideband_sum, rng)
         self.sideband_aux = inverse_gamma((nu + 1) / 2, nu / self.sideband + 1 / self.order, rng)
-        mains = np.bincount(self.order_of[self.is_main], minlength=orders)
-        main_sum = np.bincount(
-            self.order_of[self.is_main],
-            precision[self.is_main],
-            minlength=orders,
-        )
         rate = nu / self.order_aux + main_sum + 1 / self.sideband_aux
         self.order = inverse_gamma((nu + mains + 1) / 2, rate, rng)
         self.order_aux = inverse_gamma((nu + 1) / 2, nu / self.order + 1 / self.order_prior, rng)

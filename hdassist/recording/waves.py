@@ -246,7 +246,7 @@ def cycle_curves(
     periods = pairs[:, 0] * cycle.numerator + pairs[:, 1] * cycle.denominator
     cosines, sines = np.split(amplitudes, 2, axis=1)
     spectrum = np.zeros((len(amplitudes), points // 2 + 1), complex)
-    np.add.at(spectrum, (slice(None), periods), (points / 2) * (cosines - 1j * sines))
+    np.add.at(spectrum.T, periods, (points / 2) * (cosines - 1j * sines).T)
     return np.fft.irfft(spectrum, points, axis=1)
 
 

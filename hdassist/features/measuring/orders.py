@@ -88,6 +88,7 @@ _SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 _TURN_PARTS = 24  # parts of an input revolution at which single revolutions may begin
 _SLOPE_ENDS = 1.0  # input revolutions at each end of a travel in which noise hides the slope
+_EXTREMES_CHUNK = 1024  # number of angles whose curves are computed at a time, because they must fit into the cache
 _SLOPE_DRAWS = 60  # draws of the bootstrap for a slope
 _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power of each order
 # highest order per input revolution that may appear as a lower one; ball-pass orders lie below it
@@ -791,20 +792,38 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     amplitudes = fit.coefficients.reshape(2, -1).T @ [1, -1j]
     # images are reflected about the first reading, where order and image agree in phase
     image_amplitudes = amplitudes * np.exp(2j * np.pi * rate * start)
-    hidden_amplitudes = image_amplitudes[:, None] * is_replaced
-    # an image is Re(exp(2 pi i rate t) conj(h exp(i p))), so the columns of its order give both parts of h exp(i p)
-    real_parts = np.concatenate([hidden_amplitudes.real, -hidden_amplitudes.imag])
-    imaginary_parts = np.concatenate([hidden_amplitudes.imag, hidden_amplitudes.real])
-    # orders that are not replaced keep their coefficients
-    remaining = np.tile(~is_replaced, (2, 1)) * fit.coefficients[:, None]
-    blocks = [real_parts, imaginary_parts, remaining, fit.coefficients[:, None]]
-    curves = curve_of(np.concatenate(blocks, axis=1), fit.orders, turns)
-    real, imaginary, remaining_curves = np.split(curves[:, :-1], 3, axis=1)
+    real, imaginary, remaining, fitted = _replaced_curves(fit, turns, image_amplitudes, is_replaced)
+    # the image of an order with the complex curve c is Re(exp(2 pi i rate t) conj(c))
     phase = 2 * np.pi * rate * turns[:, None]
-    image_curves = np.cos(phase) * real + np.sin(phase) * imaginary
-    ranges = np.ptp(image_curves + remaining_curves, axis=0)
-    fitted_range = np.ptp(curves[:, -1])
-    return float(np.abs(ranges - fitted_range).max())
+    ranges = np.ptp(np.cos(phase) * real + np.sin(phase) * imaginary + remaining, axis=0)
+    return float(np.abs(ranges - np.ptp(fitted)).max())
+
+
+def _replaced_curves(
+    fit: TraceFit,
+    turns: Array,
+    amplitudes: NDArray[np.complex128],
+    is_replaced: NDArray[np.bool_],
+) -> tuple[Array, Array, Array, Array]:
+    """Return curves in which some orders are replaced [arcsec], from one set of columns, which take most of the time.
+
+    The curves are the real and the imaginary part of the complex curves of the replaced orders, the sums of the
+    remaining orders, all of shape (angles, replacements), and the fitted curve, shape (angles, 1).
+
+    turns: input angles [revolutions], shape (angles,).
+    amplitudes: complex amplitudes of the replaced orders [arcsec], shape (orders,).
+    is_replaced: whether each order is replaced, shape (orders, replacements).
+    """
+    replaced = amplitudes[:, None] * is_replaced
+    coefficients = [
+        np.concatenate([replaced.real, -replaced.imag]),
+        np.concatenate([replaced.imag, replaced.real]),
+        np.tile(~is_replaced, (2, 1)) * fit.coefficients[:, None],
+        fit.coefficients[:, None],
+    ]
+    curves = curve_of(np.concatenate(coefficients, axis=1), fit.orders, turns)
+    real, imaginary, remaining = np.split(curves[:, :-1], 3, axis=1)
+    return real, imaginary, remaining, curves[:, -1:]
 
 
 @dataclass(frozen=True)
@@ -976,8 +995,8 @@ def _extremes_of(
         curves=curves.shape[1],
         slopes=slopes.shape[1],
     )
-    for start in range(0, len(turns), DESIGN_CHUNK):
-        rows = slice(start, start + DESIGN_CHUNK)
+    for start in range(0, len(turns), _EXTREMES_CHUNK):
+        rows = slice(start, start + _EXTREMES_CHUNK)
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
         extremes.add_values(part[rows], values)
