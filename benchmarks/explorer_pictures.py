@@ -65,7 +65,7 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
 
     from hdassist.interface.cli import run_command_line
     from hdassist.interface.explorer.app import Explorer
-    from hdassist.interface.explorer.command import Service
+    from hdassist.interface.explorer.service import Service
     from hdassist.interface.explorer.state import opened_state
 
     new = re.search(r"^hdassist presets new mine .*$", (DOCS / "explore.md").read_text(encoding="utf-8"), re.MULTILINE)

@@ -26,7 +26,7 @@ def main() -> None:
 async def screens() -> list[str]:
     """Return the screens as SVG: after opening, with the wheel turned by one hole each time, and in the best hole."""
     from hdassist.interface.explorer.app import Explorer
-    from hdassist.interface.explorer.command import Service
+    from hdassist.interface.explorer.service import Service
     from hdassist.interface.explorer.state import opened_state
 
     service = Service()

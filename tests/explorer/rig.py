@@ -12,8 +12,8 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from hdassist.interface.explorer.app import Explorer, Form
-from hdassist.interface.explorer.command import Question
 from hdassist.interface.explorer.compute import Effort
+from hdassist.interface.explorer.service import Question
 from hdassist.interface.explorer.state import Session, opened_state
 from hdassist.run.errors import HdassistError
 from tests.helpers.process import TINY, no_processes

@@ -17,7 +17,6 @@ from hdassist.drive.preset.fields import Drive
 from hdassist.features.design import DesignCheck
 from hdassist.features.mounting.advice import Advice
 from hdassist.features.report import Report
-from hdassist.interface.explorer.command import Service
 from hdassist.interface.explorer.compute import (
     FULL,
     Effort,
@@ -28,6 +27,7 @@ from hdassist.interface.explorer.compute import (
     still_typical,
     typical_of,
 )
+from hdassist.interface.explorer.service import Service
 from hdassist.interface.explorer.state import Session
 from hdassist.interface.terminal.streams import PLAIN_CHARACTERS
 from hdassist.interface.terminal.words import again

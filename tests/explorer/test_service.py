@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 from hdassist.features.mounting.advice import Advice
-from hdassist.interface.explorer import command
-from hdassist.interface.explorer.command import Question, Service
 from hdassist.interface.explorer.compute import (
     SURE_PROVEN,
     SURE_REFINED,
@@ -23,6 +21,7 @@ from hdassist.interface.explorer.compute import (
     cam_turn,
     drive_answers,
 )
+from hdassist.interface.explorer.service import Question, Service
 from hdassist.run.errors import HdassistError
 from tests.explorer.rig import QUICK, tiny
 
@@ -152,7 +151,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
 def test_waiting_processes_answer_questions_if_forking_is_unavailable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(command, "has_forkserver", lambda: False)
+    monkeypatch.setattr("hdassist.interface.explorer.service.has_forkserver", lambda: False)
     service = Service()
     try:
         waiting = {asked.process.pid for asked in service.processes.waiting()}
