@@ -23,7 +23,7 @@ import pyte
 import pytest
 
 from tests.explorer.rig import FEW
-from tests.explorer.test_command import needs_proc, processes, vanished
+from tests.explorer.test_service import needs_proc, processes, vanished
 from tests.helpers.process import CLEAN, COMMAND, LONGEST, TINY, run
 
 SETS = [word for text in FEW for word in ("--set", text)]

@@ -32,11 +32,6 @@ ENGLISH = texts()
 TRADE = {"rigid": "circular spline", "flexspline": "flexspline"}  # English names of the fixed wheel
 
 
-def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
-    """Return the name of the fixed wheel."""
-    return say(f"wheel.{drive.mounting.fixed}")
-
-
 def turn(position: Position, say: Texts = ENGLISH) -> str:
     """Return the shorter turn from hole 0 to a position as text: holes, degrees and direction."""
     way = position.short_way_deg
@@ -82,7 +77,7 @@ def instruction(
     gains: whether F'_ior before and after the turn is appended.
     """
     say = say.variant("trials") if advice.trials else say
-    fixed = wheel(advice.drive, say)
+    fixed = say.fixed_wheel(advice.drive)
     chosen = advice.chosen
     if not advice.names_hole:
         return _any_hole(advice, say)
@@ -124,7 +119,7 @@ def _median_texts(advice: Advice, position: Position) -> list[str]:
 def _any_hole(advice: Advice, say: Texts) -> str:
     """Return the instruction that the wheel may be put in any hole, or in any allowed hole."""
     mounting = advice.drive.mounting
-    fixed = wheel(advice.drive, say)
+    fixed = say.fixed_wheel(advice.drive)
     if not mounting.holes:
         return say("instruction.any_angle", wheel=fixed)
     if mounting.allowed == "all":
@@ -322,7 +317,7 @@ def _subject(
     drive = advice.drive
     gears = drive.gears
     holes = drive.mounting.holes
-    fixed = wheel(drive, say)
+    fixed = say.fixed_wheel(drive)
     symbol, deviation = ("xi_b", "F'_i2") if drive.mounting.fixed == "rigid" else ("xi_g", "F'_i1")
     measured = advice.measured and advice.measured.fixed(drive)
     mark_kind = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
@@ -516,7 +511,12 @@ def _checks(advice: Advice, say: Texts) -> list[str]:
     if not advice.names_hole:
         place = []
     where = hole_place(chosen, say)
-    parts = {"wheel": wheel(drive, say), "place": where, "turn": turn(chosen, say), "start": start_of_count(drive, say)}
+    parts = {
+        "wheel": say.fixed_wheel(drive),
+        "place": where,
+        "turn": turn(chosen, say),
+        "start": start_of_count(drive, say),
+    }
     checks = [say(f"checks.{name}", **parts) for name in ("clean", "pilot", *place, "free", "screws", "mesh")]
     if advice.correction:
         checks.append(say("checks.correction", where=where))

@@ -38,7 +38,6 @@ from hdassist.features.report import (
     to_error_digit,
     unknown_objects,
 )
-from hdassist.interface.pages.card import wheel
 from hdassist.interface.terminal.words import (
     ENVELOPE,
     again,
@@ -46,6 +45,7 @@ from hdassist.interface.terminal.words import (
     heading,
     influence_words,
     samples_words,
+    texts,
     thousands,
 )
 from hdassist.run.errors import Verdict
@@ -122,7 +122,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     # without samples, the short page already shows the curve at the governing torque
     other_points = [point for point in check.points if check.samples or point is not governing]
     k = Kinematics.of(check.drive)
-    fixed = wheel(check.drive)
+    fixed = texts().fixed_wheel(check.drive)
     return Report(
         command="check",
         drive=check.drive,
@@ -439,7 +439,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         return f"{field.question or f'what is the {field.meaning}?'} ({step.of})"
     if step.kind == "hole":
         place = f"hole {step.of}" if holes else f"{step.of}°"
-        return f"put the {wheel(drive)} in {place}"
+        return f"put the {texts().fixed_wheel(drive)} in {place}"
     if step.kind == "trials":
         # a seat with free angle has no holes
         places = "holes" if holes else "directions"  # the mount command names them

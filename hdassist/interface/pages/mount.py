@@ -46,7 +46,6 @@ from hdassist.interface.pages.card import (
     seat_of,
     start_of_count,
     warnings_of,
-    wheel,
 )
 from hdassist.interface.terminal.words import Texts, again, heading, influence_words, samples_words
 from hdassist.readers.pitch import ASSUMED
@@ -300,7 +299,7 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
 
     The instruction states the measured value and its predicted interval.
     """
-    fixed = wheel(advice.drive)
+    fixed = ENGLISH.fixed_wheel(advice.drive)
     predicted = f"predicted {checked.mean_arcsec:.1f}″ ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f}″, 95 %)"
     compared = f"Measured {_measured(advice, checked.trial)}; {predicted}."
     if not checked.as_predicted:
@@ -463,7 +462,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
         )
         yield "best hole for each torque", "; ".join(texts_by_torque)
     if decision.stay is None:
-        yield "not allowed", f"{start_of_count(advice.drive)}, so the {wheel(advice.drive)} has to move"
+        yield "not allowed", f"{start_of_count(advice.drive)}, so the {ENGLISH.fixed_wheel(advice.drive)} has to move"
     if decision.is_sampled and not advice.correction and decision.probability_kept is not None:
         yield "limit", _limit_words(advice, decision.probability_kept)
     if advice.unknown and not decision.is_sampled:
@@ -894,7 +893,7 @@ def _destination(advice: Advice) -> Json | None:
     direction = "counter-clockwise" if turn_deg > 0 else "clockwise" if turn_deg else None
     return {
         "fixed": drive.mounting.fixed,
-        "fixed_wheel": wheel(drive),
+        "fixed_wheel": ENGLISH.fixed_wheel(drive),
         "hole": chosen.hole,
         "rotation_deg": chosen.rotation_deg,
         "from": start_of_count(drive),

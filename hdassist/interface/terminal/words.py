@@ -211,6 +211,10 @@ class Texts:
         form = next((f for f in ("one", "few") if re.search(self(f"plural.{f}"), str(count))), "many")
         return self(f"holes.{form}", count=count)
 
+    def fixed_wheel(self, drive: Drive) -> str:
+        """Return the name of the fixed wheel of a drive."""
+        return self(f"wheel.{drive.mounting.fixed}")
+
     def date(self, day: date) -> str:
         """Return a date in the notation of the language."""
         return self(
