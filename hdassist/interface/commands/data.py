@@ -318,7 +318,7 @@ class PresetsNewCommand(WishOptions):
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
       hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
-      hdassist presets new own --ratio 100 --accuracy 30 --accuracy-test full_revolution
+      hdassist presets new own --ratio 100 --accuracy 30 --accuracy-test typical
       hdassist presets new own --ratio 100 --holes 8 --allowed-holes 0,2,4,6
       hdassist presets new own --ratio 100 --torque 26 --quality unknown
       hdassist presets new my-drive -o my-drive.yaml
