@@ -13,6 +13,7 @@ from hypothesis import settings
 from hdassist.interface.cli import THREADS
 from hdassist.run.kept import FOLDER, NO_CACHE
 
+gc.disable()  # until all tests are collected: searching their syntax trees for garbage takes a third of that time
 IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ
 if not IS_WORKER:  # never the user's own cache; workers share one
     os.environ[FOLDER] = tempfile.mkdtemp(prefix="hdassist-tests-")
@@ -23,6 +24,8 @@ from tests.helpers.process import hear_what_is_ignored, keep_answers  # noqa: E4
 if TYPE_CHECKING:
     from hdassist import Drive
     from hdassist.drive.model.geometry import Array
+    from hdassist.recording.positions import Recording
+    from hdassist.recording.posterior import AmplitudePosterior
     from hdassist.drive.solve.formulation import Formulation
 
 for name in THREADS:
@@ -32,7 +35,10 @@ settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 hear_what_is_ignored()
 
-from hdassist.drive.solve import loadcase  # noqa: E402 (numpy is loaded by it, with the threads that are set above)
+from hdassist.features.correction import records  # noqa: E402 (numpy is loaded by these, with the threads that are set above)
+from hdassist.features.measuring import full_cycle  # noqa: E402
+from hdassist.recording import posterior  # noqa: E402
+from hdassist.drive.solve import loadcase  # noqa: E402
 
 _solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
 
@@ -52,6 +58,24 @@ def _solve_once(formulation: Formulation, delta_p: Array, torque: float, solver:
 
 
 loadcase.solve_through_cvxpy = _solve_once
+_fitted = dict[tuple[object, ...], "AmplitudePosterior"]()
+
+
+def _fit_once(recording: Recording, *, seed: int) -> AmplitudePosterior:
+    """Return the samples of a recording, those of before if it was fitted before.
+
+    Measurements and commands of the tests fit the same recordings again and again, which takes 2 s each. Tests of the
+    model itself, in tests/recording, call posterior_of_recording, so each of their fits is computed.
+    """
+    columns = (recording.input_rev, recording.output_rev, recording.error_arcsec, recording.sweep, recording.time)
+    key = (*(column.tobytes() for column in columns), recording.ratio, seed)
+    if key not in _fitted:
+        _fitted[key] = posterior.posterior_of_recording(recording, seed=seed)
+    return _fitted[key]
+
+
+full_cycle.posterior_of_recording = _fit_once
+records.posterior_of_recording = _fit_once
 
 ROOT = Path(__file__).parents[1]
 POSIX_ONLY = {  # modules and folders, and the part of POSIX that they need
@@ -72,6 +96,7 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    gc.enable()
 
 
 def pytest_sessionfinish() -> None:

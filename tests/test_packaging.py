@@ -95,6 +95,7 @@ def test_wheel_holds_the_presets_as_they_are(wheel):
     assert not (wheel / "hdassist/drive/solve/stray.so").exists()
 
 
+@pytest.mark.thorough  # installing the project, which comes before any test, compiles as well
 @pytest.mark.skipif(not HAS_COMPILER, reason="needs a compiler")
 def test_a_wheel_is_compiled_where_there_is_a_compiler(wheel):
     assert [*wheel.parent.glob("*.whl")] and not [*wheel.parent.glob("*-py3-none-any.whl")]

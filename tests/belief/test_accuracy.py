@@ -43,6 +43,7 @@ def weighted_mean(samples: Samples) -> float:
     return float(np.average(samples.sets_arcsec[:, :, 0], weights=samples.set_weights))
 
 
+@pytest.mark.thorough
 @pytest.mark.moves("catalogue.accuracy_test")
 def test_each_kind_of_test_moves_the_range():
     mean = {test: weighted_mean(samples_of(test)) for test in TESTS}

@@ -187,23 +187,25 @@ def test_larger_errors_than_the_model_still_give_the_best_hole(cloud: HoleSample
     assert values[more[1].best] < 1.05 * min(values)
 
 
-def test_where_no_drive_shows_the_values_they_alone_decide(cloud: HoleSamples) -> None:
+def test_where_no_drive_shows_the_values_they_alone_decide(coarse_cloud: HoleSamples) -> None:
     """A curve over the seat that is far above all that the drive has."""
     shape = 300 + 60 * np.cos(np.radians(np.array(POSITIONS) - 140))
     tried = [Trial(r, float(shape[POSITIONS.index(r)])) for r in (*THIRDS, 60.0)]
-    advice = advise_after(ONE, tried, cloud.setup, samples=cloud)
+    advice = advise_after(ONE, tried, coarse_cloud.setup, samples=coarse_cloud)
     assert advice.after and advice.after.by_values > 0.99
     assert shape[advice.decision.best] < 1.1 * shape.min()
-    right = advise_after(ONE, trials(measured(50.0, 20.0), (*THIRDS, 60.0, 300.0)), cloud.setup, samples=cloud)
+    right = advise_after(
+        ONE, trials(measured(50.0, 20.0), (*THIRDS, 60.0, 300.0)), coarse_cloud.setup, samples=coarse_cloud
+    )
     assert right.after and right.after.by_values < 0.5
 
 
-def test_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSamples) -> None:
+def test_torque_at_which_values_are_far_more_probable_is_named(coarse_cloud: HoleSamples) -> None:
     drive = load_preset(SMALL).with_values({"tolerances.e_hb": 50.0, "phases.phi_hb": 20.0})
     search = ErrorMap(drive, 1.0)
     at_one = trials([search.extremes(rotated(drive, r)).first for r in POSITIONS])
-    assert likelier_torque(cloud, at_one) == 1.0
-    assert likelier_torque(cloud, trials(measured(50.0, 20.0))) is None
+    assert likelier_torque(coarse_cloud, at_one) == 1.0
+    assert likelier_torque(coarse_cloud, trials(measured(50.0, 20.0))) is None
     # by hand, of one sample in one direction, whose values at the other torque are those measured: 2 are 3 off
     weight = np.eye(1, len(POSITIONS))
     one = synthetic(np.full(weight.shape, 30.0), weight)
@@ -212,11 +214,11 @@ def test_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSample
     assert likelier_torque(one, [Trial(0, 28.0), Trial(120, 28.0), Trial(240, 28.0)]) is None
 
 
-def test_few_remaining_samples_lower_the_probability_but_give_a_result(cloud: HoleSamples) -> None:
+def test_few_remaining_samples_lower_the_probability_but_give_a_result(coarse_cloud: HoleSamples) -> None:
     tried = trials(measured(50.0, 20.0))
-    likely = posterior_of(cloud, tried, [0.0]).places[:3]
-    weight = np.isin(np.arange(cloud.weight.size), likely).reshape(cloud.weight.shape) / 3
-    advice = advise_after(ONE, tried, cloud.setup, samples=replace(cloud, weight=weight))
+    likely = posterior_of(coarse_cloud, tried, [0.0]).places[:3]
+    weight = np.isin(np.arange(coarse_cloud.weight.size), likely).reshape(coarse_cloud.weight.shape) / 3
+    advice = advise_after(ONE, tried, coarse_cloud.setup, samples=replace(coarse_cloud, weight=weight))
     assert advice.after and advice.after.effective > 1
     assert advice.word in ("TURN", "BEST_BET")
 
@@ -237,13 +239,15 @@ def test_an_outcome_stands_beside_the_prediction_of_the_draws(cloud: HoleSamples
     assert np.mean((read > good.low_arcsec) & (read < good.high_arcsec)) == pytest.approx(0.95, abs=0.05)
 
 
-def test_another_torque_shares_the_scale_but_not_the_misfit(cloud: HoleSamples) -> None:
+def test_another_torque_shares_the_scale_but_not_the_misfit(coarse_cloud: HoleSamples) -> None:
     tried = trials(measured(50.0, 20.0), POSITIONS[::2])
-    draws, both = learnt(cloud, tried, POSITIONS, torques=(1.0, M_G))
+    draws, both = learnt(coarse_cloud, tried, POSITIONS, torques=(1.0, M_G))
     assert both.F_ior_arcsec[1] == pytest.approx(draws.F_ior_arcsec[:, :-1])
-    f = shown(cloud, POSITIONS, draws.places, 1.0)
+    f = shown(coarse_cloud, POSITIONS, draws.places, 1.0)
     left = both.F_ior_arcsec[0] - f * draws.scale[:, None]
-    spread = np.hypot(draws.misfit, cloud.read_error) * cloud.mean(draws.places) * cloud.levels[1.0]
+    spread = (
+        np.hypot(draws.misfit, coarse_cloud.read_error) * coarse_cloud.mean(draws.places) * coarse_cloud.levels[1.0]
+    )
     assert (left / spread[:, None]).std() == pytest.approx(1, abs=0.1)
 
 
@@ -289,11 +293,11 @@ def test_the_order_of_values_does_not_matter(order: list[int]) -> None:
     assert other.value == first.value
 
 
-def test_forbidden_holes_are_not_chosen(cloud: HoleSamples) -> None:
+def test_forbidden_holes_are_not_chosen(coarse_cloud: HoleSamples) -> None:
     tried = trials(measured(50.0, 20.0))
-    _, every = learnt(cloud, tried, POSITIONS)
+    _, every = learnt(coarse_cloud, tried, POSITIONS)
     left = [r for r in POSITIONS if r != POSITIONS[every.best]]
-    _, second = learnt(cloud, tried, left)
+    _, second = learnt(coarse_cloud, tried, left)
     assert values_near(left[second.best], POSITIONS[every.best])
 
 
@@ -360,10 +364,10 @@ def test_curves_of_two_phasors_gain_nothing_near_the_values(monkeypatch) -> None
     assert near_curves.std(axis=0) == pytest.approx(all_curves.F_ior_arcsec[is_curve].std(axis=0), rel=0.25)
 
 
-def test_no_hole_is_measured_next_that_cannot_become_the_choice(cloud: HoleSamples) -> None:
+def test_no_hole_is_measured_next_that_cannot_become_the_choice(coarse_cloud: HoleSamples) -> None:
     """Values 120 deg apart with one low one: the hole opposite to that one is not worth a value."""
     tried = [Trial(0.0, 72.0), Trial(120.0, 23.8), Trial(240.0, 75.4)]
-    advice = advise_after(ONE, tried, cloud.setup, samples=cloud)
+    advice = advise_after(ONE, tried, coarse_cloud.setup, samples=coarse_cloud)
     place = advice.decision.place(advice.next.rotation_deg)
     assert advice.decision.probability_good[place] > 0.01
     assert values_near(advice.next.rotation_deg, 120.0)
