@@ -24,8 +24,6 @@ from tests.helpers.process import hear_what_is_ignored, keep_answers  # noqa: E4
 if TYPE_CHECKING:
     from hdassist import Drive
     from hdassist.drive.model.geometry import Array
-    from hdassist.recording.positions import Recording
-    from hdassist.recording.posterior import AmplitudePosterior
     from hdassist.drive.solve.formulation import Formulation
 
 for name in THREADS:
@@ -35,10 +33,7 @@ settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 hear_what_is_ignored()
 
-from hdassist.features.correction import records  # noqa: E402 (numpy is loaded by these, with the threads that are set above)
-from hdassist.features.measuring import full_cycle  # noqa: E402
-from hdassist.recording import posterior  # noqa: E402
-from hdassist.drive.solve import loadcase  # noqa: E402
+from hdassist.drive.solve import loadcase  # noqa: E402 (numpy is loaded by it, with the threads that are set above)
 
 _solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
 
@@ -58,24 +53,6 @@ def _solve_once(formulation: Formulation, delta_p: Array, torque: float, solver:
 
 
 loadcase.solve_through_cvxpy = _solve_once
-_fitted = dict[tuple[object, ...], "AmplitudePosterior"]()
-
-
-def _fit_once(recording: Recording, *, seed: int) -> AmplitudePosterior:
-    """Return the samples of a recording, those of before if it was fitted before.
-
-    Measurements and commands of the tests fit the same recordings again and again, which takes 2 s each. Tests of the
-    model itself, in tests/recording, call posterior_of_recording, so each of their fits is computed.
-    """
-    columns = (recording.input_rev, recording.output_rev, recording.error_arcsec, recording.sweep, recording.time)
-    key = (*(column.tobytes() for column in columns), recording.ratio, seed)
-    if key not in _fitted:
-        _fitted[key] = posterior.posterior_of_recording(recording, seed=seed)
-    return _fitted[key]
-
-
-full_cycle.posterior_of_recording = _fit_once
-records.posterior_of_recording = _fit_once
 
 ROOT = Path(__file__).parents[1]
 POSIX_ONLY = {  # modules and folders, and the part of POSIX that they need
@@ -92,7 +69,14 @@ collect_ignore = [] if os.name == "posix" else list(POSIX_ONLY)
 
 
 def pytest_collection_finish() -> None:
-    """Leave modules and tests, which stay to the end, out of the search for garbage: 7 % of the suite's time."""
+    """Keep what all tests share: fits of recordings, and modules and tests, which need no search for garbage.
+
+    That search takes 7 % of the suite's time. The fits are kept here, where all modules are loaded, because the process
+    that starts the workers need not load them.
+    """
+    from tests.helpers.fits import keep_fits
+
+    keep_fits()
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
@@ -118,6 +102,12 @@ def own_files() -> None:
     from hdassist.run.files import begin_run
 
     begin_run()
+
+
+@pytest.fixture
+def short_chains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """End the fit of a recording at the fewest effective samples that give a result: where no interval is tested."""
+    monkeypatch.setattr("hdassist.recording.posterior.ENOUGH_SAMPLES", 40.0)
 
 
 @pytest.fixture(scope="module")

@@ -123,6 +123,7 @@ def test_what_is_known_is_typed_by_name_position_or_limit(session: Session) -> N
         state.with_evidence(session, "nosuch.csv")
 
 
+@pytest.mark.usefixtures("short_chains")
 def test_recording_path_is_read_as_F_ior_of_the_position(session: Session, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     error = kinematic_error(session.drive, 4.0, run=UNCHECKED)

@@ -6,7 +6,6 @@ import itertools
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -285,18 +284,6 @@ def test_recording_value_is_rounded_by_uncertainty_and_names_its_file() -> None:
     tried = [Trial(0.0, 28.794132, noise_arcsec=0.031, file="/rig/day 1/run4.csv"), Trial(120.0, 17.3)]
     foot = "\n".join(card(advice_of(), trials=tried).foot.lines)
     assert "hole 0: 28.79″ (run4.csv)" in foot and "hole 4: 17.3″" in foot and "/rig" not in foot
-
-
-def test_a_recording_keeps_its_name(tmp_path: Path) -> None:
-    from hdassist.features.measuring.measure import Reading
-    from hdassist.features.mounting.posterior import read_trial_or_record
-
-    angle = np.arange(0, 360 * 30 + 1, 5.0)
-    error = 6 * np.sin(2 * np.radians(angle)) + 0.2 * np.random.default_rng(1).standard_normal(len(angle))
-    path = tmp_path / "Run.csv"
-    rows = "".join(f"{a:.1f},{e:.4f}\n" for a, e in zip(angle, error, strict=True))
-    path.write_text(f"cam_deg,error_arcsec\n{rows}")
-    assert read_trial_or_record(f"h4={path}", load_preset(SMALL), Reading(), 10.0).file == f"{path}"
 
 
 # Numbers of another torque, and of one sample

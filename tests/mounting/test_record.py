@@ -34,10 +34,11 @@ def record(tmp_path):
     return written
 
 
+@pytest.mark.usefixtures("short_chains")
 def test_recording_as_trial_gives_value_and_uncertainty_of_measure(record):
     drive, file = load_preset(SMALL), record(CYCLE)
     found = read_trial_or_record(f"h4={file}", drive, Reading(), 10.0)
-    assert found.rotation_deg == 120
+    assert (found.rotation_deg, found.file) == (120, file)
     greatest = with_full_cycle(measure(read_trace(file), drive=drive)).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.F_ior_arcsec, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
@@ -126,6 +127,7 @@ def test_preset_values_and_trials_give_equal_decisions_at_any_torque(cloud):
     assert at_one[0] == pytest.approx(90, rel=0.1) and at_one[4] == pytest.approx(40, rel=0.1)
 
 
+@pytest.mark.usefixtures("short_chains")
 def test_a_record_has_the_torque_in_its_name(record):
     found = read_trial_or_record(f"h4@1={record(CYCLE)}", load_preset(SMALL), Reading(), 10.0)
     assert (found.rotation_deg, found.M_g) == (120, 1.0)

@@ -1,0 +1,34 @@
+"""Recordings of the tests, each fitted once."""
+
+from __future__ import annotations
+
+from hdassist.recording import posterior
+from hdassist.recording.positions import Recording
+from hdassist.recording.posterior import AmplitudePosterior
+
+_fitted = dict[tuple[object, ...], AmplitudePosterior]()
+
+
+def fit_once(recording: Recording, *, seed: int) -> AmplitudePosterior:
+    """Return the samples of a recording, those of before if it was fitted before.
+
+    Measurements and commands of the tests fit the same recordings again and again, which takes up to 4 s each. Tests of
+    the model itself, in tests/recording, call posterior_of_recording, so each of their fits is computed.
+
+    recording: readings of one drive at one torque in one direction.
+    seed: seed of the random numbers.
+    """
+    columns = (recording.input_rev, recording.output_rev, recording.error_arcsec, recording.sweep, recording.time)
+    key = (*(column.tobytes() for column in columns), recording.ratio, seed, posterior.ENOUGH_SAMPLES)
+    if key not in _fitted:
+        _fitted[key] = posterior.posterior_of_recording(recording, seed=seed)
+    return _fitted[key]
+
+
+def keep_fits() -> None:
+    """Let measurements and corrections of this process fit each recording once."""
+    from hdassist.features.correction import records
+    from hdassist.features.measuring import full_cycle
+
+    full_cycle.posterior_of_recording = fit_once
+    records.posterior_of_recording = fit_once
