@@ -28,8 +28,7 @@ from tests.helpers.process import SMALL, run
 LIMIT = "acceptance.F_ior=40"
 ASSUMED = "source.bearing.g_b={kind: assumed, range: [0, 3]}"
 SETS = ["mounting.holes=4", ASSUMED, LIMIT]  # few holes: the less to compute
-DRAWS = 16
-ASKED = [word for text in SETS for word in ("--set", text)] + ["--draws", f"{DRAWS}"]
+ASKED = [word for text in SETS for word in ("--set", text)]
 UNICODE = Style(ascii=False, codes=False, width=80)
 DRAWN = (Curve, Seat)
 ALONE = {"meta", "path", "polyline", "polygon", "circle", "line"}  # elements without an end
@@ -69,7 +68,7 @@ def sections(report) -> list[ReportSection]:
 
 @pytest.fixture(scope="module")
 def sheet() -> DriveSheet:
-    return sheet_of(load_preset(SMALL, [*SETS, "operation.M_g=[4.0]"]), draws=DRAWS)
+    return sheet_of(load_preset(SMALL, [*SETS, "operation.M_g=[4.0]"]))
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +83,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.mark.thorough
 def test_the_same_input_is_the_same_bytes_whatever_the_jobs(sheet, folder):
-    again = report_html(drive_report(sheet, draws=DRAWS, seed=0))
+    again = report_html(drive_report(sheet, draws=64, seed=0))
     assert (folder / "a.html").read_bytes() == again.encode("utf-8")
 
 
@@ -109,7 +108,7 @@ def test_it_is_one_file_that_asks_for_no_other(folder):
 def test_its_drawings_are_svg(sheet, folder):
     text = (folder / "a.html").read_text(encoding="utf-8")
     drawn = [parseString(svg).documentElement for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)]
-    figures = [b for s in sections(drive_report(sheet, draws=DRAWS, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
+    figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
     assert len(drawn) == len(figures) == 5  # what it would take: spread; error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
     labels = [figure.y_label for figure in figures if isinstance(figure, Curve)]
@@ -142,7 +141,7 @@ def test_report_starts_with_the_verdict_and_repeats_check_and_mount(sheet, folde
 
 def test_input_angles_are_revolutions_and_numbers_have_no_exponent(sheet):
     report = report_object(check_report(sheet.check, 0))
-    (section, *_) = sections(drive_report(sheet, draws=DRAWS, seed=0))
+    (section, *_) = sections(drive_report(sheet, draws=64, seed=0))
     rows = dict(row for block in section.blocks if isinstance(block, Table) for row in block.rows if len(row) == 2)
     degrees = report["operating_points"][0]["at_max"]["phi_h_deg"]
     assert rows["largest error at phi_h, rev"] == f"{degrees / 360:.2f}"
@@ -150,7 +149,7 @@ def test_input_angles_are_revolutions_and_numbers_have_no_exponent(sheet):
 
 
 def test_the_line_of_a_limit_has_its_number(sheet):
-    report = drive_report(sheet, draws=DRAWS, seed=0)
+    report = drive_report(sheet, draws=64, seed=0)
     limits = [block.limit for section in sections(report) for block in section.blocks if isinstance(block, Curve)]
     numbers = re.findall(r'<text class="y held"[^>]*>([\d.]+)<', report_html(report))
     assert numbers == [f"{limit:.4g}" for limit in limits if limit is not None]
@@ -166,7 +165,7 @@ def test_printed_report_has_one_font_size_besides_its_headings():
 
 
 def test_html_lines_break_neither_in_ranges_nor_before_units(sheet):
-    page = report_html(drive_report(sheet, draws=DRAWS, seed=0))
+    page = report_html(drive_report(sheet, draws=64, seed=0))
     hyphen, blank = "\N{NON-BREAKING HYPHEN}", "\N{NO-BREAK SPACE}"
     assert re.search(rf"\([\d.]+{hyphen}[\d.]+\)</td>", page)
     assert re.search(rf"\([\d.]+{blank}to{blank}[\d.]+\)", page)
@@ -185,7 +184,7 @@ def test_equal_holes_are_never_called_best_or_worst():
 
 
 def test_markdown_says_the_same(sheet):
-    report = drive_report(sheet, draws=DRAWS, seed=0)
+    report = drive_report(sheet, draws=64, seed=0)
     text = report_markdown(report, UNICODE)
     plain = text.replace("\\", "")
     assert "**PASS: within its limits**" in text
@@ -209,7 +208,7 @@ def test_markdown_says_the_same(sheet):
 
 
 def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
-    text = report_markdown(drive_report(sheet, draws=DRAWS, seed=0), Style(ascii=True, codes=False, width=80))
+    text = report_markdown(drive_report(sheet, draws=64, seed=0), Style(ascii=True, codes=False, width=80))
     assert text.isascii()
     prose = re.sub(r"```text\n.*?\n```\n", "", text, flags=re.DOTALL)
     assert "N\\*m" in prose
@@ -249,7 +248,7 @@ def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code,
 
 
 def test_for_scripts_there_is_one_object_and_one_line(sheet):
-    told = report_object(drive_report(sheet, draws=DRAWS, seed=0))
+    told = report_object(drive_report(sheet, draws=64, seed=0))
     assert (told["schema"], told["verdict"], told["exit_code"]) == ("hdassist.report/1", "PASS", 0)
     assert told["check"] == report_object(check_report(sheet.check, 0))
     json.dumps(told, allow_nan=False)
@@ -265,7 +264,7 @@ def test_chart_keeps_the_extremes_of_a_dense_curve():
 
 
 def test_no_block_is_dropped(sheet):
-    x, report = np.arange(3.0), drive_report(sheet, draws=DRAWS, seed=0)
+    x, report = np.arange(3.0), drive_report(sheet, draws=64, seed=0)
     figures = (Curve(x, x, "x of two", "y of two", second=-x, names=("now", "then")),)
     report = replace(report, blocks=(*report.blocks, ReportSection("more", (Lines("listed", ("a line",)), *figures))))
     for page in (report_html(report), report_markdown(report, UNICODE)):
