@@ -30,7 +30,7 @@ def answer(command: str, overrides: tuple[str, ...], *options: str) -> dict:
 
 
 @pytest.mark.usefixtures("kept")
-@pytest.mark.parametrize("overrides", [ANY_DIRECTION, DIRECTIONS])
+@pytest.mark.parametrize("overrides", [ANY_DIRECTION, pytest.param(DIRECTIONS, marks=pytest.mark.thorough)])
 def test_each_command_states_the_same_median_and_probability(overrides):
     (point,) = answer("check", overrides)["operating_points"]
     now = point["belief"]
