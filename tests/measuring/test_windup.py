@@ -181,11 +181,20 @@ def test_sweeps_give_the_error_and_linear_misfit_at_several_torques(bend: float)
 
 
 @pytest.mark.thorough
-def test_two_torques_tell_no_bend():
+@pytest.mark.parametrize("bend", [0.0, 2.0, -2.0])
+def test_two_torques_tell_no_bend_and_leave_the_error_between_them_open(bend: float):
     turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
-    result, true = rig(1, turns, torque, 2.0, 0.0)
+    result, true = rig(1, turns, torque, 4.0, bend)
     (found,) = result.directions
     assert found.torque_miss_arcsec is None
+    low, middle, high = found.torques
+    assert low.standard_uncertainty_arcsec + high.standard_uncertainty_arcsec < middle.standard_uncertainty_arcsec / 4
+    assert found.range.interval[0] <= true(middle.M_g_Nm) <= found.range.interval[1]
+    (bridge,) = (source.arcsec for source in found.sources if source.name == "between torques")
+    # an error anywhere between two curves has this standard deviation from their mean
+    fit = found.fit
+    change = np.ptp(fit.at_torque(30.0).curve(turns) - fit.at_torque(10.0).curve(turns))
+    assert bridge == pytest.approx(change / np.sqrt(12), rel=0.02)
     for each in (found.torques[0], found.torques[-1]):
         assert abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 3 * each.standard_uncertainty_arcsec
 

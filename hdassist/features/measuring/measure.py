@@ -16,6 +16,7 @@ from hdassist.features.measuring.bench import LoopRecord, PositionRecord, bench_
 from hdassist.features.measuring.fit import COVERAGE_FACTOR, TraceFit, drift_of, fit_orders
 from hdassist.features.measuring.orders import (
     BEATS,
+    BETWEEN_TORQUES,
     DEFAULT_ORDERS,
     FULL_SHARE,
     SCATTER,
@@ -82,6 +83,7 @@ _CHANGES_LEFT = (
 _STRAIGHT = (
     "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
 )
+_RECORDED_TORQUE = 0.1  # distance from a recorded torque that needs no interpolation, as a share of their range
 _CYCLES_OF_RATIO = 1.2  # full cycles from which a recording shows whether its sidebands are those of the ratio
 _BENT = 1 / 4  # largest deviation of a drift from a straight line, as a share of the drift
 _COARSE_STEP = 1 / 4  # largest step of readings at even angles, as a share of F'_ior
@@ -528,11 +530,18 @@ class _RecordUnderway:
         is_bend_known: bool,
     ) -> TraceFit:
         """Return a fit with its curve at the requested torque [N*m], whose column may have the opposite sign."""
-        low, _, high = fit.bins.torques
-        nearest = min((M_g, -M_g), key=lambda load: max(low - load, load - high))
         if not is_bend_known:
+            low, _, high = fit.bins.torques
             self.warnings.append(_STRAIGHT.format(M_g, low, high))
-        return fit.at_torque(min(max(nearest, low), high))
+        return fit.at_torque(self._torque_of(fit))
+
+    def _torque_of(self, fit: TraceFit) -> float:
+        """Return the torque of F'_ior, with the sign of its column [N*m]: the requested one, else the mean."""
+        low, mean, high = fit.bins.torques
+        if self.M_g is None:
+            return mean
+        nearest = min((self.M_g, -self.M_g), key=lambda load: max(low - load, load - high))
+        return min(max(nearest, low), high)
 
     def _require_ratio(self, fit: TraceFit) -> None:
         """Raise DataError if the sidebands of a recording show a ratio other than that of the drive or of --ratio."""
@@ -625,17 +634,20 @@ class _RecordUnderway:
         drifts = self._drift_sources(fit, drift_left)
         errors = self._error_sources(trace, fit, visited.grid_turns, torque_miss)
 
-        other_uncertainties = _other_uncertainties(drifts, errors, fit.bins.span)
-        fitted = self._ranges(fit, visited, other_uncertainties, sign)
+        bridges = _bridge_sources(fit, self._torque_of(fit), torque_miss)
+        others = _other_uncertainties(drifts, (*errors, *bridges), fit.bins.span)
+        fitted = self._ranges(fit, visited, others, sign)
         F_ior = fitted.visited
         # both ranges are bias-corrected, and the range of a part is at most that of the whole
         revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
         revolution = replace(fitted.revolution, bias=revolution_bias)
-        at_torques = [
-            _TorqueRange.of(torque, self._ranges(fit.at_torque(torque), visited, other_uncertainties, sign).visited)
-            for torque in _torques_of(fit)
-        ]
-        sources = (*_noise_sources(F_ior), *drifts, *errors)
+        at_torques = []
+        for torque in _torques_of(fit):
+            bridges_at_torque = _bridge_sources(fit, torque, torque_miss)
+            others = _other_uncertainties(drifts, (*errors, *bridges_at_torque), fit.bins.span)
+            ranges = self._ranges(fit.at_torque(torque), visited, others, sign)
+            at_torques.append(_TorqueRange.of(torque, ranges.visited))
+        sources = (*_noise_sources(F_ior), *drifts, *errors, *bridges)
         _require_fine_steps(trace, F_ior)
         if not self.may_be_noise:
             _require_clear(trace, fit, F_ior, sources, is_drifting=bool(drift_left))
@@ -720,8 +732,32 @@ class _RecordUnderway:
         ]
         if torque_miss:
             bend = torque_miss / sqrt(12)
-            sources.append(UncertaintySource("between torques", bend, "curvature of the orders between torques"))
+            sources.append(UncertaintySource(BETWEEN_TORQUES, bend, "curvature of the orders between torques"))
         return (*sources, *stated_sources(self.stated))
+
+
+def _bridge_sources(
+    fit: TraceFit,
+    torque: float,
+    torque_miss: float | None,
+) -> tuple[UncertaintySource, ...]:
+    """Return the uncertainty source of an error that is interpolated between the two recorded torques, if it is.
+
+    The error may lie anywhere between those at the two torques, with equal probability. The uncertainty is its root
+    mean square distance from a straight line.
+
+    torque: torque of the error [N*m].
+    torque_miss: largest error of linear interpolation [arcsec], which replaces this source; None if it is unknown.
+    """
+    low, _, high = fit.bins.torques
+    distance = float(np.abs(fit.bins.load - torque).min())
+    if torque_miss is not None or len(fit.blocks) == 1 or distance <= _RECORDED_TORQUE * (high - low):
+        return ()
+    turns = fit.bins.turns
+    change = float(np.ptp(fit.at_torque(high).curve(turns) - fit.at_torque(low).curve(turns)))
+    share = (torque - low) / (high - low)
+    bridge = change * sqrt(1 / 12 + (share - 1 / 2) ** 2)
+    return (UncertaintySource(BETWEEN_TORQUES, bridge, "no recording between the torques"),)
 
 
 def _torques_of(fit: TraceFit) -> Sequence[float]:
@@ -837,7 +873,7 @@ def _require_clear(
 
     is_drifting: whether a drift remains in the fit.
     """
-    by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP}]
+    by_recording = [source for source in sources if source.name not in {*STATED, WIND_UP, BETWEEN_TORQUES}]
     uncertainty = combined(by_recording)
     if fit.clear_of_noise and F_ior.value > COVERAGE_FACTOR * uncertainty:
         return

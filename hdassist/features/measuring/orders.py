@@ -72,6 +72,7 @@ STATED = {  # sources that a single recording cannot show
     "temperature": "temperature of drive and test rig (operation.dT)",
 }
 WIND_UP = "wind-up"
+BETWEEN_TORQUES = "between torques"
 # Sources of the range of fitted orders that the model of a recording contains: correlated noise, waves that coarse
 # readings hide, and waves beyond the fitted orders.
 SCATTER = ("noise", "bias correction", "between readings", "beyond the orders")
