@@ -182,7 +182,7 @@ def test_sweeps_give_the_error_and_linear_misfit_at_several_torques(bend: float)
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("bend", [0.0, 2.0, -2.0])
-def test_two_torques_tell_no_bend_and_leave_the_error_between_them_open(bend: float):
+def test_two_torques_leave_the_error_between_them_open(bend: float):
     turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
     result, true = rig(1, turns, torque, 4.0, bend)
     (found,) = result.directions

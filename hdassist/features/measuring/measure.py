@@ -635,8 +635,8 @@ class _RecordUnderway:
         errors = self._error_sources(trace, fit, visited.grid_turns, torque_miss)
 
         bridges = _bridge_sources(fit, self._torque_of(fit), torque_miss)
-        others = _other_uncertainties(drifts, (*errors, *bridges), fit.bins.span)
-        fitted = self._ranges(fit, visited, others, sign)
+        other_uncertainties = _other_uncertainties(drifts, (*errors, *bridges), fit.bins.span)
+        fitted = self._ranges(fit, visited, other_uncertainties, sign)
         F_ior = fitted.visited
         # both ranges are bias-corrected, and the range of a part is at most that of the whole
         revolution_bias = max(fitted.revolution.bias, fitted.revolution.fitted - F_ior.value)
@@ -644,8 +644,8 @@ class _RecordUnderway:
         at_torques = []
         for torque in _torques_of(fit):
             bridges_at_torque = _bridge_sources(fit, torque, torque_miss)
-            others = _other_uncertainties(drifts, (*errors, *bridges_at_torque), fit.bins.span)
-            ranges = self._ranges(fit.at_torque(torque), visited, others, sign)
+            other_uncertainties = _other_uncertainties(drifts, (*errors, *bridges_at_torque), fit.bins.span)
+            ranges = self._ranges(fit.at_torque(torque), visited, other_uncertainties, sign)
             at_torques.append(_TorqueRange.of(torque, ranges.visited))
         sources = (*_noise_sources(F_ior), *drifts, *errors, *bridges)
         _require_fine_steps(trace, F_ior)
