@@ -188,14 +188,11 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
     One that takes longer [s] is ended.
     """
     # unused here: loaded once, so that not every process that is forked loads them again
-    from hdassist import (
-        design,  # noqa: F401
-        files,  # noqa: F401
-        loading,  # noqa: F401
-    )
+    from hdassist.drive import loading  # noqa: F401
+    from hdassist.features import design  # noqa: F401
     from hdassist.interface.pages import check as check_page  # noqa: F401
     from hdassist.interface.terminal import output  # noqa: F401
-    from hdassist.run import run  # noqa: F401
+    from hdassist.run import files, run  # noqa: F401
 
     context = multiprocessing.get_context("fork")
     under_way: deque[tuple[Change, Connection, BaseProcess]] = deque()
