@@ -107,7 +107,7 @@ def own_files() -> None:
 @pytest.fixture
 def short_chains(monkeypatch: pytest.MonkeyPatch) -> None:
     """End the fit of a recording at the fewest effective samples that give a result: where no interval is tested."""
-    monkeypatch.setattr("hdassist.recording.posterior.ENOUGH_SAMPLES", 40.0)
+    monkeypatch.setattr("hdassist.recording.chain.ENOUGH_SAMPLES", 40.0)
 
 
 @pytest.fixture(scope="module")

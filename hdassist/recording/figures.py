@@ -40,7 +40,8 @@ from scipy.special import betaincinv, ndtr
 
 from hdassist.belief.statistics import CONFIDENCE, Probability, probability_by_share
 from hdassist.drive.model.geometry import Array
-from hdassist.recording.posterior import ENOUGH_SAMPLES, AmplitudePosterior, effective_samples
+from hdassist.recording.chain import ENOUGH_SAMPLES, effective_samples
+from hdassist.recording.posterior import AmplitudePosterior
 from hdassist.recording.sizes import FINE_ORDER, rest_profile
 from hdassist.recording.waves import CURVE_POINTS_PER_REV, cycle_curves, parabola_peak, visited_places
 from hdassist.run.errors import SURE, UsageError, Verdict

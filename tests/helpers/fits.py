@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hdassist.recording import posterior
+from hdassist.recording import chain, posterior
 from hdassist.recording.positions import Recording
 from hdassist.recording.posterior import AmplitudePosterior
 
@@ -19,7 +19,7 @@ def fit_once(recording: Recording, *, seed: int) -> AmplitudePosterior:
     seed: seed of the random numbers.
     """
     columns = (recording.input_rev, recording.output_rev, recording.error_arcsec, recording.sweep, recording.time)
-    key = (*(column.tobytes() for column in columns), recording.ratio, seed, posterior.ENOUGH_SAMPLES)
+    key = (*(column.tobytes() for column in columns), recording.ratio, seed, chain.ENOUGH_SAMPLES)
     if key not in _fitted:
         _fitted[key] = posterior.posterior_of_recording(recording, seed=seed)
     return _fitted[key]

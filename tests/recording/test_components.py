@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hdassist.recording import posterior as module
+from hdassist.recording import chain as module
+from hdassist.recording.blocks import BlockModel
 from hdassist.recording.components import Components, clear_components, line_columns
 from hdassist.recording.figures import range_figure
 from hdassist.recording.positions import ordered_readings, recording_from_columns
@@ -91,9 +92,9 @@ def test_place_of_a_line_moves_to_its_best_fit():
     error = 9 * np.cos(4 * np.pi * turns) + 2 * np.cos(2 * np.pi * 5.37 * turns)
     recording = recording_from_columns(turns, error + 0.2 * rng.standard_normal(len(turns)), RATIO)
     readings = ordered_readings(recording)
-    model = module._Model(readings, drift_degree=2)
+    model = BlockModel(readings, drift_degree=2)
     components = Components(lines=(5.36,))
     for _ in range(4):
         larger = model.with_components(readings, components)
-        components = larger.shifted_lines(module._Sampler(larger, seed=0).usual_fit())
+        components = larger.shifted_lines(module.Sampler(larger, seed=0).usual_fit())
     assert components.lines[0] == pytest.approx(5.37, abs=0.001)

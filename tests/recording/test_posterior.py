@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from hdassist.recording import posterior as module
+from hdassist.recording import chain as module
+from hdassist.recording.blocks import BlockModel
+from hdassist.recording.chain import effective_samples
 from hdassist.recording.components import Components
 from hdassist.recording.figures import range_figure
 from hdassist.recording.noise import WHITE
 from hdassist.recording.positions import ordered_readings, recording_from_columns
-from hdassist.recording.posterior import effective_samples, posterior_of_recording
+from hdassist.recording.posterior import posterior_of_recording
 from tests.recording.readings import RATIO, WAVES, noisy_readings
 
 TURNS, ERROR = noisy_readings()
@@ -24,8 +26,8 @@ def reference():
 def test_coefficients_are_those_of_a_dense_normal_posterior():
     turns, error = noisy_readings(readings=120, span=6.0)
     readings = ordered_readings(recording_from_columns(turns, error, RATIO))
-    model = module._Model(readings, drift_degree=1)
-    sampler = module._Sampler(model, seed=0)
+    model = BlockModel(readings, drift_degree=1)
+    sampler = module.Sampler(model, seed=0)
     variances = np.concatenate([sampler._tree.wave, sampler._tree.wave, [1e4], sampler._drift2])
     sigma2 = sampler._sigma2
     # by the covariance of the readings, not by the precision of the coefficients
@@ -45,11 +47,11 @@ def test_coefficients_are_those_of_a_dense_normal_posterior():
 
 def test_columns_of_a_smaller_model_are_those_computed_alone():
     readings = ordered_readings(recording_from_columns(TURNS, ERROR, RATIO))
-    smaller = module._Model(readings, drift_degree=2)
+    smaller = BlockModel(readings, drift_degree=2)
     components = Components(pairs=((3, 12),), lines=(4.56,))
     arguments = {"drift_degree": 2, "more_sidebands": 4, "components": components}
-    shared = module._Model(readings, **arguments, smaller=smaller)
-    alone = module._Model(readings, **arguments)
+    shared = BlockModel(readings, **arguments, smaller=smaller)
+    alone = BlockModel(readings, **arguments)
     assert np.allclose(shared.design, alone.design, rtol=0, atol=1e-12)
     assert np.allclose(shared.gram, alone.gram, rtol=0, atol=1e-9)
 
