@@ -830,7 +830,7 @@ def _answers_about(
     now: outcome without an answer.
     """
     field_prior = samples.prior.fields[place]
-    values = field_prior.value(samples.shares[:, place])
+    values = samples.prior.columns(samples.shares)[field_prior.path]
     # three digits are enough for a question that a person answers
     median = float(f"{weighted_quantile(values, samples.weights, 0.5):.3g}")
     is_below = values < median

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from hdassist.belief.statistics import sobol_points
 from hdassist.drive.model.deviations import MeasuredTeeth, Unknown, assumptions, standing_offset, unknowns
@@ -22,12 +22,20 @@ RIGID_SHIFT = "gears.x_b"
 # that of any catalogue.
 PRELOAD = 0.04
 LOGARITHMIC = 4.0  # ratio of the bounds of a positive range above which its logarithm is uniformly distributed
+_EVEN_STEPS = 1024  # number of steps of probability over which a field is averaged
 _SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities at which a normal distribution is cut
+
+# Prior of the single pitch deviations f_p. In some drives the teeth are fine, so that the low orders alone determine
+# their positions; in the others f_p has the accuracy class of the wheel. All three values are assumed, and
+# benchmarks.honesty tests them.
+FINE_TEETH_SHARE = 0.5  # probability that the teeth of a wheel are fine
+FINE_TEETH_BOUND = 1 / 8  # largest f_p of fine teeth over that of the class: six classes of ISO 1328-1:2013
+TEETH_CORRELATION = 0.9  # between the normal quantiles of f_p of both wheels of a drive
 
 EVIDENCE = ("catalogue.", "measured.")  # sections with reference data, which are not properties of the drive
 
 _FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
-_Distribution = Literal["even", "logarithmic", "normal", "drawn", "meshing"]
+_Distribution = Literal["even", "logarithmic", "normal", "drawn", "meshing", "teeth"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +44,8 @@ class FieldPrior:
 
     path: path of the field.
     distribution: kind of distribution; meshing is uniform beyond the profile shift at which the teeth just mesh, which
-        follows from all other fields.
+        follows from all other fields; teeth is uniform up to FINE_TEETH_BOUND of the upper bound for fine teeth, and
+        uniform beyond it for the others.
     low, high: bounds; for a normal distribution the mean minus and plus the expanded uncertainty (k = 2).
     owner: owner of the value: all drives of a design, one drive, its assembly, or its surroundings.
     group: path of the size if the field is the size or direction of a deviation, otherwise the path itself.
@@ -63,6 +72,8 @@ class FieldPrior:
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
+        if self.distribution == "teeth":
+            return np.interp(share, (0.0, FINE_TEETH_SHARE, 1.0), (0.0, FINE_TEETH_BOUND * self.high, self.high))
         mean = (self.low + self.high) / 2
         standard_deviation = (self.high - self.low) / 4  # the bounds are two standard deviations from the mean
         normal = mean + standard_deviation * ndtri(np.clip(share, *_SHARE_LIMITS))
@@ -79,6 +90,12 @@ class FieldPrior:
         """Return the index of the draw of a fit at each share of its probability."""
         places: NDArray[np.int64] = np.minimum((share * len(self.draws)).astype(np.int64), len(self.draws) - 1)
         return places
+
+    @property
+    def root_mean_square(self) -> float:
+        """Root mean square of the field, in its unit, over even steps of its probability."""
+        steps = (np.arange(_EVEN_STEPS) + 0.5) / _EVEN_STEPS
+        return float(np.sqrt(np.mean(self.value(steps) ** 2)))
 
     @property
     def is_any_direction(self) -> bool:
@@ -153,13 +170,38 @@ class DrivePrior:
 
         shares: shares of each field's probability, shape (draws, at least fields).
         """
-        # by column, because a distribution processes all draws at once
-        columns = {
-            field.path: field.value(shares[:, k]).tolist()
-            for k, field in enumerate(self.fields)
-            if field.distribution != "meshing"
-        }
+        meshing = self.meshing
+        beyond = meshing[1].path if meshing else None
+        # as lists, because a preset takes plain numbers
+        columns = {path: column.tolist() for path, column in self.columns(shares).items() if path != beyond}
         return [{path: column[k] for path, column in columns.items()} for k in range(len(shares))]
+
+    def columns(self, shares: Array) -> dict[str, Array]:
+        """Return the values of draws by path, shape (draws,) each.
+
+        A profile shift that follows from other fields is counted from the one at which the teeth just mesh. The single
+        pitch deviations of the two wheels are correlated, because both wheels are made with the same care:
+
+        (1)  z = R z_1 + sqrt(1 - R^2) z_2
+
+        z_1 and z_2 are the normal quantiles of the shares of both wheels, and z is that of the value of the second
+        wheel.
+
+        shares: shares of each field's probability, shape (draws, at least fields).
+        """
+        columns = {}
+        normal_of_first: Array | None = None  # z_1 if the first wheel is uncertain
+        for k, field in enumerate(self.fields):
+            share = shares[:, k]
+            if field.distribution == "teeth":
+                normal = ndtri(np.clip(share, *_SHARE_LIMITS))
+                if normal_of_first is None:
+                    normal_of_first = normal
+                else:
+                    R = TEETH_CORRELATION
+                    share = ndtr(R * normal_of_first + np.sqrt(1 - R**2) * normal)  # equation (1)
+            columns[field.path] = field.value(share)
+        return columns
 
 
 def prior_of(drive: Drive) -> DrivePrior:
@@ -167,7 +209,8 @@ def prior_of(drive: Drive) -> DrivePrior:
 
     A field with an uncertainty is normal. A field that is assumed, or has a default with a plausible range, is uniform
     over its range, or in the logarithm if the range is positive and spans more than a factor of 4. An unspecified
-    deviation is uniform up to the largest plausible size of its part, with any direction. A jointly fitted field is
+    deviation is uniform up to the largest plausible size of its part, with any direction. A single pitch deviation with
+    a range from 0 has the distribution "teeth". A jointly fitted field is
     drawn with its fit, as long as it has the fitted value. If the catalogue states a backlash, the profile shift of
     the circular spline follows, provided that it is only assumed. All other fields are exact.
     """
@@ -232,7 +275,7 @@ class _Knowledge:
         if path in self.assumed:
             assumption = self.assumed[path]
             is_wide = assumption.low > 0 and assumption.high / assumption.low > LOGARITHMIC
-            distribution: _Distribution = "logarithmic" if is_wide else "even"
+            distribution: _Distribution = "logarithmic" if is_wide else _bounded_distribution(path, assumption.low)
             return self._prior(path, distribution, assumption.low, assumption.high, assumption.reason)
         play = self.drive.catalogue.play
         if path == RIGID_SHIFT and play and _follows(self.drive):
@@ -240,7 +283,8 @@ class _Knowledge:
             return self._prior(path, "meshing", -PRELOAD, _shift_of_backlash(self.drive, play), reason)
         if path in self.unknown:
             unknown = self.unknown[path]
-            return self._prior(path, "even", unknown.low, unknown.high, unknown.reason)
+            distribution = _bounded_distribution(path, unknown.low)
+            return self._prior(path, distribution, unknown.low, unknown.high, unknown.reason)
         return None
 
     def _prior(
@@ -261,6 +305,15 @@ class _Knowledge:
             group=_deviation_groups().get(path, path),
             reason=reason,
         )
+
+
+def _bounded_distribution(path: str, low: float) -> _Distribution:
+    """Return the distribution of a field between its bounds.
+
+    path: path of the field.
+    low: lower bound, in the unit of the field.
+    """
+    return "teeth" if path in _PITCH_DEVIATIONS and low == 0 else "even"
 
 
 @cache
@@ -300,6 +353,7 @@ def owner_of(drive: Drive, path: str) -> _FieldOwner:
     return "design"
 
 
+_PITCH_DEVIATIONS = frozenset(deviation.size for deviation in DEVIATIONS if deviation.kind == "pitch")
 _DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # clearances and ball phase
 
 

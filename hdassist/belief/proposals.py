@@ -581,7 +581,7 @@ def _draws(
         count *= _KNOWN_DIRECTION
     shares = sobol_points(2 ** int(np.ceil(np.log2(count))), len(fields), seed)
     values = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *standing, *paths)}
-    values |= {field_prior.path: field_prior.value(shares[:, k]) for k, field_prior in enumerate(fields)}
+    values |= DrivePrior(drive, tuple(fields)).columns(shares)
     if is_any_direction:  # each direction has its own part of the revolution
         values[standing[0]] = values[standing[0]] / directions
     turns_deg = 360 / directions * np.arange(directions)

@@ -10,7 +10,7 @@ from scipy.stats import beta, norm, qmc
 from hdassist import load_preset
 from hdassist.belief.draws import KEPT_LIKELIHOOD, turn_of_test_deg
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
-from hdassist.belief.prior import prior_of
+from hdassist.belief.prior import TEETH_CORRELATION, prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
     effective_number,
@@ -54,6 +54,30 @@ def test_each_field_has_the_distribution_that_its_preset_gives_it():
     assert found["phases.xi_b"].value(norm.cdf([-1.0, 0.0, 1.0])) == pytest.approx([86, 90, 94])
     assert found["phases.phi_eb"].group == "tolerances.e_b"
     assert fields_of() == {}
+
+
+def test_half_of_the_wheels_have_fine_teeth():
+    prior = prior_of(load_preset("size-17-100"))
+    of_teeth = [field for field in prior.fields if field.distribution == "teeth"]
+    assert [field.path for field in of_teeth] == ["tolerances.f_p1", "tolerances.f_p2"]
+    high = of_teeth[0].high
+    assert of_teeth[0].value(np.array([0, 0.25, 0.5, 0.75, 1])) == pytest.approx(np.array([0, 1, 2, 9, 16]) / 16 * high)
+    columns = prior.columns(prior.shares(8192))
+    f_p1, f_p2 = (columns[field.path] / field.high for field in of_teeth)
+    for f_p in f_p1, f_p2:  # each wheel alone has the distribution of the prior
+        assert np.mean(f_p < 1 / 8) == pytest.approx(0.5, abs=0.01)
+        assert np.quantile(f_p, [0.25, 0.75]) == pytest.approx([1 / 16, 9 / 16], abs=0.01)
+        assert np.sqrt(np.mean(f_p**2)) * high == pytest.approx(of_teeth[0].root_mean_square, rel=0.01)
+    # Sheppard: two normal numbers with the correlation R have equal signs with the probability 1/2 + arcsin(R) / pi
+    both = np.mean((f_p1 < 1 / 8) == (f_p2 < 1 / 8))
+    assert both == pytest.approx(0.5 + np.arcsin(TEETH_CORRELATION) / np.pi, abs=0.015)
+
+
+def test_an_assumed_range_of_pitch_deviations_from_zero():
+    stated = "source.tolerances.f_p1={kind: assumed, range: [0, 8], ref: judged}"
+    assert fields_of("tolerances.f_p1=4", stated)["tolerances.f_p1"].distribution == "teeth"
+    from_two = stated.replace("[0, 8]", "[2, 8]")
+    assert fields_of("tolerances.f_p1=4", from_two)["tolerances.f_p1"].distribution == "even"
 
 
 def test_uncertainty_overrides_an_assumed_range_and_set_overrides_both():

@@ -25,9 +25,9 @@ def drawn_drives(size: int, count: int, harmonics: float = 1.0, wheels: float = 
     prior = prior_of(load_preset(f"size-{size}-100"))
     shares, factors = prior.shares(count), {AMPLITUDE: harmonics, WHEEL: wheels, PITCH: wheels}
     columns = {
-        each.path: each.value(shares[:, k]) * next((x for of, x in factors.items() if each.path.startswith(of)), 1.0)
-        for k, each in enumerate(prior.fields)
-        if each.path.startswith(DEVIATIONS)
+        path: column * next((x for of, x in factors.items() if path.startswith(of)), 1.0)
+        for path, column in prior.columns(shares).items()
+        if path.startswith(DEVIATIONS)
     }
     return Batch(prior.drive, columns), shares[:, -1]
 

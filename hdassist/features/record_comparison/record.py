@@ -22,10 +22,10 @@ from math import sqrt
 
 import numpy as np
 
+from hdassist.belief.prior import prior_of
 from hdassist.drive.error.cycle import kinematic_error
 from hdassist.drive.error.extremes import extremes_of
 from hdassist.drive.error.waves import Complex, ErrorWaves
-from hdassist.drive.model.deviations import unknowns
 from hdassist.drive.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.drive.preset.fields import DEVIATIONS, Drive
 from hdassist.drive.solve.answers import EMPTY, Certificate
@@ -146,16 +146,16 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
     An order of a wheel makes waves with the same number of periods around the wheel, whose phase follows that of the
     order.
     """
-    high = {field.path: field.high for field in unknowns(drive)}
+    priors = {field.path: field for field in prior_of(drive).fields}
     changes: list[Complex] = []
     for wheel, around in (("g", torus.k_g), ("b", torus.k_b)):
-        orders = [d for d in DEVIATIONS if d.kind == "pitch" and d.part == wheel and d.direction in high]
+        orders = [d for d in DEVIATIONS if d.kind == "pitch" and d.part == wheel and d.direction in priors]
         if not orders:
             continue
         size = orders[0].size
         size_of_preset = drive.value(orders[0].size)
-        # root mean square of uniformly distributed sizes, or a given size, which the drive has at phases of 0
-        f_p = high[size] / sqrt(3) if size_of_preset is None else sqrt(2) * size_of_preset
+        # root mean square of an unknown size, or a given size, which the drive has at phases of 0
+        f_p = priors[size].root_mean_square if size_of_preset is None else sqrt(2) * size_of_preset
         # the difference of the two is due to single teeth
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
         for order in orders:

@@ -108,7 +108,8 @@ class ProductionLaw:
         """Return the own fields of a drive by path; they depend only on the seed and the number of the drive."""
         # each drive has its own random stream, which allows any process to compute any drive
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
-        return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
+        shares = rng.random((1, len(self.own)))
+        return {path: float(column[0]) for path, column in DrivePrior(self.drive, self.own).columns(shares).items()}
 
     def scaled(self, factors: Mapping[str, float]) -> ProductionLaw:
         """Return the law with some tolerances multiplied by factors, and with the bounds that are assumed from them.
