@@ -1,7 +1,8 @@
 """Effect of the reference data of a drive on the range of its F'_ior: `python -m benchmarks.evidence`.
 
 The drive is known from its data sheet. The table of docs/unknown.md is printed; `--picture` draws the figure of the
-page from the table in the page.
+page from the table in the page. `--accuracy` prints the table for an accuracy in the catalogue, by the test of the
+manufacturer.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ EVIDENCE: dict[str, tuple[str, ...]] = {
         *STIFFNESS, "catalogue.lost_motion=60", f"measured.F_ior={{h0@{M_G}: 40 ± 3}}"
     ),
 }  # fmt: skip
+ACCURACY_ARCSEC = 30.0  # in the catalogue
+TESTS = ("unstated", "full_revolution", "12_positions", "typical")
 WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # sizes of the figure; its right edge is at MOST arcsec
 
 
@@ -52,6 +55,39 @@ def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int
         W_0 = prior.fields[k].value(found.shares[:, k])
         wave = [weighted_quantile(W_0, found.weights, share) for share in (0.05, 0.95)]
         yield words, [found.percentile(share, 0) for share in (0.05, 0.5, 0.95)], wave, found.effective, found.draws
+
+
+def accuracy_rows(draws: int) -> Iterator[str]:
+    """Yield the Markdown row of a drive without an accuracy, and of each test of an accuracy.
+
+    draws: required effective sample size.
+    """
+    import numpy as np
+
+    from hdassist import load_preset
+    from hdassist.belief.evidence import ACCURACY
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import drive_samples
+    from hdassist.belief.statistics import weighted_quantile
+    from hdassist.drive.loading import load_text, similar_preset
+    from hdassist.drive.preset.knowledge import read_requirements
+
+    like = load_preset("vzp160")
+    known = read_requirements(like, ratio=100.0, pitch_diameter="63.5 mm", torque="67", coupling="oldham")
+    text = similar_preset("mine", like, known)
+    for test in ("", *TESTS):
+        accuracy = (f"catalogue.{ACCURACY}={ACCURACY_ARCSEC}", f"catalogue.accuracy_test={test}") if test else ()
+        overrides = [f"operation.M_g={M_G}", *STIFFNESS, "catalogue.lost_motion=60", *accuracy]
+        drive = load_text(text, "mine.yaml", overrides)
+        found = drive_samples(prior_of(drive), [None], draws=draws)
+        ends = ", ".join(f"{found.percentile(share, 0):.0f}" for share in (0.05, 0.5, 0.95))
+        compared = "| "
+        if test:
+            readings = np.array([draw.figures[ACCURACY] for draw in found.made if draw.F_ior_arcsec is not None])
+            above = np.average(readings > ACCURACY_ARCSEC, weights=found.weights)
+            compared = f"{weighted_quantile(readings, found.weights, 0.5):.1f} | {100 * above:.0f} %"
+        words = f"{ACCURACY_ARCSEC:.0f}″, `{test}`" if test else "not given"
+        yield f"| {words} | {ends} | {compared} | {found.effective:.0f} of {found.draws} |"
 
 
 def rows_of_page() -> list[tuple[str, list[float]]]:
@@ -96,7 +132,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=64, help="effective samples of each row")
     parser.add_argument("--picture", action="store_true", help="draw the figure from the page's table")
+    parser.add_argument("--accuracy", action="store_true", help="print the table of an accuracy in the catalogue")
     args = parser.parse_args()
+    if args.accuracy:
+        for row in accuracy_rows(args.draws):
+            print(row, flush=True)
+        return
     if args.picture:
         FIGURE.write_text(drawn(), encoding="utf-8")
         return
