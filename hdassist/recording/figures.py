@@ -4,7 +4,7 @@ F'_ior is the range of the curve e (R2) over the full cycle or over a stated tra
 one range. Two ranges are needed, one for each end of the interval:
 
     whole = range over all positions + rest + 2 sum of lines - excess,                                         (R12)
-    seen  = min(range over covered positions + min(rest, 0) + min(flank, 0) - excess, range of the readings).  (R13)
+    seen  = min(range over covered positions + min(rest, 0) + flank - 2 excess, range of the readings).        (R13)
 
 - rest: the contribution of waves beyond the model to the range, c u. The rms u of such waves follows from the fine
   waves of the model, and c from solved drives (see sizes); u is at most the rms of the residuals. `seen` excludes
@@ -13,7 +13,10 @@ one range. Two ranges are needed, one for each end of the interval:
   `seen` includes them with the recorded phases.
 - excess: noise makes the range of a sample larger than that of the true curve. The excess is the mean range of the
   samples minus the range of the mean curve, both at the readings. Between the readings it would also include waves that
-  coarse readings do not determine, which are not noise.
+  coarse readings do not determine, which are not noise. The mean curve contains the noise of the readings as well. If
+  the readings determine the waves, this increases its range by the excess again, and if the prior determines them, by
+  less. `seen` and the stated value are therefore reduced by twice the excess, and the upper end, which must not be too
+  low, by the excess.
 - flank: a finite series overshoots next to a steep flank, and its range is too large. The readings there lie inside the
   curve. flank is the mean residual at the highest positions of the mean curve minus that at the lowest. It counts as 0
   unless it is negative beyond its own noise.
@@ -205,9 +208,10 @@ def range_figure(
         excess = float(block_range.mean()) - float(at_blocks.range(block_curves.mean(axis=0)[None])[0])
         if len(posterior.lines):
             seen_range = block_range
-        recorded_range = np.maximum(whole_range, seen_range) - excess
+        noise_range = 2 * excess  # of the samples around their mean, and of their mean around the true curve
+        recorded_range = np.maximum(whole_range, seen_range) - noise_range
         flank = _flank(posterior, at_blocks)
-        seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) + flank - excess, posterior.readings_range)
+        seen_range = np.minimum(seen_range + np.minimum(rest, 0.0) + flank - noise_range, posterior.readings_range)
         whole_range = whole_range - excess
     return RangeFigure(
         whole_arcsec=np.maximum(whole_range + lines + rest, 0.0),

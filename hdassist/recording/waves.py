@@ -29,7 +29,9 @@ from hdassist.drive.model.geometry import Array
 from hdassist.recording.positions import OrderedReadings
 
 _Indices = NDArray[np.int64]
-BLOCKS_PER_REV = 80  # maximum number of blocks per input revolution
+# number of blocks per input revolution; for the highest waves of large ratios there are more
+LEAST_BLOCKS_PER_REV = 80
+MOST_BLOCKS = 30_000  # maximum number of blocks, as in three cycles of ratio 100, to limit memory
 # points of a curve per input revolution, 3 per period of the highest order; parabolas give the peaks between them
 CURVE_POINTS_PER_REV = 240
 # Highest order that is included for any sampling. Coarse readings show a higher order as a lower one (its image) or not
@@ -46,6 +48,7 @@ USUAL_SIDEBANDS = 6  # number of sidebands on each side of an order
 _VISITED_REV = 0.009  # largest distance [input rev] of a covered position from a reading
 _PHASE_POINTS_PER_REV = 1024  # points per input revolution for the phases of two waves
 _SAME_READINGS = 0.9  # agreement of phases above which two waves have the same readings
+_DIGITS = 6  # decimal digits of the number of readings per block, so that rounding errors do not decide
 _CHUNK = 256  # number of rows whose columns are computed at a time, because they must fit into the processor's cache
 
 
@@ -88,7 +91,7 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
     others: other waves.
     """
     periods = {k * cycle.numerator + j * cycle.denominator for k, j in others}
-    highest = min(_HIGHEST_FINE_ORDER, int(cycle) + 1)
+    highest = _highest_fine_order(cycle)
     fine: set[tuple[int, int]] = set()
     for k in range(ALWAYS_ORDER + 2, highest + 1, 2):
         for j in (0, -1, 1, k, k - 1, k + 1, -k, -k - 1, -k + 1):
@@ -97,6 +100,11 @@ def _fine_pairs(cycle: Fraction, others: set[tuple[int, int]]) -> set[tuple[int,
                 periods.add(period)
                 fine.add((k, j))
     return fine
+
+
+def _highest_fine_order(cycle: Fraction) -> int:
+    """Return the highest order of the waves due to differences between teeth."""
+    return min(_HIGHEST_FINE_ORDER, int(cycle) + 1)
 
 
 def distinct_pairs(
@@ -152,23 +160,46 @@ def _powers(angle_rev: Array, highest: int) -> NDArray[np.complex128]:
     return powers
 
 
+def _blocks_per_rev(cycle: Fraction, travelled_rev: float) -> float:
+    """Return the number of blocks per input revolution that determine the highest waves.
+
+    A mean over a block attenuates a wave with a period of the length of the block to 0. The readings then do not
+    determine this wave, although they show it. In a recording of many cycles the blocks are longer.
+
+    cycle: ratio in lowest terms.
+    travelled_rev: total length of the runs [input rev].
+    """
+    determining = _POINTS_PER_PERIOD * _highest_fine_order(cycle)
+    return max(LEAST_BLOCKS_PER_REV, min(determining, MOST_BLOCKS / max(travelled_rev, 1.0)))
+
+
 def block_starts(readings: OrderedReadings) -> _Indices:
     """Return the first row of each block, shape (blocks,). Blocks of a run differ in size by at most one reading."""
     borders = np.flatnonzero(np.diff(readings.run)) + 1
+    runs = np.split(np.arange(len(readings.run)), borders)
+    travelled_rev = sum(float(np.ptp(readings.place_rev[rows])) for rows in runs)
+    per_rev = _blocks_per_rev(readings.cycle, travelled_rev)
     starts: list[_Indices] = []
-    for rows in np.split(np.arange(len(readings.run)), borders):
-        blocks = max(1, round(len(rows) / _readings_per_block(readings.place_rev[rows])))
+    for rows in runs:
+        blocks = max(1, round(len(rows) / _readings_per_block(readings.place_rev[rows], per_rev)))
         starts.append(rows[0] + np.arange(blocks) * len(rows) // blocks)
     return np.concatenate(starts)
 
 
-def _readings_per_block(place: Array) -> int:
-    """Return the number of readings in a block of a run."""
+def _readings_per_block(place: Array, blocks_per_rev: float) -> float:
+    """Return the mean number of readings in a block of a run.
+
+    Blocks of one reading and of two would have noise of very different size, so from two readings on blocks are used.
+
+    place: positions of the readings of the run [input rev], ascending, shape (readings,).
+    blocks_per_rev: wanted number of blocks per input revolution.
+    """
     steps = np.diff(place)
     steps = steps[steps > 0]
     if not len(steps):
-        return 1
-    return max(1, int(1 / (float(np.median(steps)) * BLOCKS_PER_REV) + 1e-6))
+        return 1.0
+    readings = round(1 / (float(np.median(steps)) * blocks_per_rev), _DIGITS)
+    return readings if readings >= 2 else 1.0
 
 
 def block_means(values: Array, starts: _Indices) -> Array:

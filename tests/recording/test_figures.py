@@ -61,6 +61,19 @@ def test_a_travel_is_a_part_of_the_cycle(whole, part):
         range_figure(whole, travel_rev=(0.2, 0.2))
 
 
+def test_noise_adds_nothing_to_the_value_of_a_cosine():
+    # the range of the samples is 21.5, that of their mean 20.6
+    turns = np.arange(0, 10, 1 / 80)
+    values = []
+    for seed in (0, 1):
+        noise = np.random.default_rng(seed).standard_normal(len(turns))
+        recording = recording_from_columns(turns, 10 * np.cos(4 * np.pi * turns) + noise, 10)
+        cosine = range_figure(posterior_of_recording(recording, most_draws=160))
+        values.append(cosine.median_recorded_arcsec)
+        assert cosine.interval_arcsec[0] < 20 < cosine.interval_arcsec[1]
+    assert np.mean(values) == pytest.approx(20, abs=0.4)
+
+
 def test_nothing_exceeds_the_range_of_the_readings(whole):
     assert range_figure(replace(whole, readings_range=5.0)).seen_arcsec.max() <= 5.0
 

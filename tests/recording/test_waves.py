@@ -6,8 +6,9 @@ import numpy as np
 
 from hdassist.recording.positions import ordered_readings, recording_from_columns
 from hdassist.recording.waves import (
-    BLOCKS_PER_REV,
     CURVE_POINTS_PER_REV,
+    LEAST_BLOCKS_PER_REV,
+    MOST_BLOCKS,
     block_means,
     block_starts,
     curve_extremes,
@@ -65,7 +66,7 @@ def test_means_over_blocks_damp_no_wave():
     turns = np.sort(RNG.random(20_000)) * RATIO
     readings = ordered_readings(recording_from_columns(turns, known_error(turns), RATIO))
     starts = block_starts(readings)
-    assert len(starts) <= 1.5 * BLOCKS_PER_REV * RATIO
+    assert len(starts) <= 1.5 * LEAST_BLOCKS_PER_REV * RATIO
     pairs = wave_pairs(readings.cycle, blocks_per_rev=100)
     design = np.empty((len(starts), 2 * len(pairs)))
     fill_block_columns(readings, starts, pairs, list(design.T))
@@ -138,3 +139,22 @@ def test_order_that_is_constant_at_the_readings_is_left_out():
     assert kept.tolist() == [[2, 0], [20, 0]]
     uneven = np.sort(np.random.default_rng(3).random(2000)) * 50
     assert len(distinct_pairs(np.array([[2, 0], [20, 0], [38, 0], [40, 0]]), uneven, cycle)) == 4
+
+
+def test_blocks_are_short_enough_for_the_highest_wave():
+    # 80 blocks per revolution would attenuate order 80 to 0, although 480 readings show it
+    for ratio, highest in ((30, 31), (100, 80)):
+        turns = np.arange(480 * ratio) / 480
+        readings = ordered_readings(recording_from_columns(turns, known_error(turns), ratio))
+        starts = block_starts(readings)
+        columns = np.empty((2, len(starts)))
+        fill_block_columns(readings, starts, np.array([[highest, 0]]), list(columns))
+        attenuation = np.sqrt(float(np.mean(columns[0] ** 2 + columns[1] ** 2)))
+        assert attenuation > 0.6
+        assert len(starts) <= 180 * ratio
+
+
+def test_a_recording_of_many_cycles_has_longer_blocks():
+    turns = np.arange(300 * 300) / 300  # three cycles
+    starts = block_starts(ordered_readings(recording_from_columns(turns, known_error(turns), 100)))
+    assert len(starts) <= 1.01 * MOST_BLOCKS

@@ -38,7 +38,7 @@ from hdassist.features.measuring.orders import SCATTER, FullCycle, combined
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
-from hdassist.recording.waves import ALWAYS_ORDER, BLOCKS_PER_REV
+from hdassist.recording.waves import ALWAYS_ORDER, LEAST_BLOCKS_PER_REV, MOST_BLOCKS
 from hdassist.run.errors import GUARD, SURE, DataError, UntrustedError
 
 _LEAST_SHARE = 0.12  # share of the cycle below which the model was not validated (benchmarks/recordings.py)
@@ -46,7 +46,6 @@ LEAST_SHARE_OF_PASS = 1 / 3  # share of the cycle from which the upper end may p
 # largest slow terms, as a multiple of the range of the orders; larger ones may result from a wrong ratio
 _LARGEST_SLOW = 10.0
 _FEWEST_EFFECTIVE = 40.0  # effective sample size below which the upper end is unknown
-_MOST_BLOCKS = 30_000  # maximum number of blocks of readings, as in three cycles of ratio 100, to limit memory
 # agreement of phases for which a line lies within 0.6 of the resolution of the wave or of its image
 _LINE_IS_WAVE = 0.5
 _READINGS_AT_ONCE = 2000  # number of readings whose phases are in memory at a time
@@ -88,7 +87,7 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
         return "the torque changes"
     if sweep.coverage.share < _LEAST_SHARE:
         return f"less than {100 * _LEAST_SHARE:.0f} % of the cycle was recorded"
-    if _blocks(sweep) > _MOST_BLOCKS:
+    if _blocks(sweep) > MOST_BLOCKS:
         return "the recording is longer than the model allows: record one full mesh cycle"
     if sweep.slow_arcsec > _LARGEST_SLOW * sweep.cam.value:
         return "slow terms are much larger than the error of the orders: check the ratio and the drift"
@@ -245,12 +244,12 @@ def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:
 
 
 def _blocks(sweep: SweepResult) -> float:
-    """Return the largest number of blocks of readings that the model can form from a direction."""
+    """Return the number of blocks of readings that the model needs at least for a direction."""
     bins = sweep.bins
     revolutions = 0.0
     for level in range(bins.levels):
         revolutions += float(np.ptp(bins.turns[bins.level == level]))
-    return min(len(bins), BLOCKS_PER_REV * revolutions)
+    return min(len(bins), LEAST_BLOCKS_PER_REV * revolutions)
 
 
 def _is_torque_changing(result: Measurement, sweep: SweepResult) -> bool:
