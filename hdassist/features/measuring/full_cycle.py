@@ -49,6 +49,8 @@ _FEWEST_EFFECTIVE = 40.0  # effective sample size below which the upper end is u
 # agreement of phases for which a line lies within 0.6 of the resolution of the wave or of its image
 _LINE_IS_WAVE = 0.5
 _READINGS_AT_ONCE = 2000  # number of readings whose phases are in memory at a time
+# gap between readings from which the recording is interrupted, and may continue with another level [input rev]
+_INTERRUPTION_REV = 0.5
 _PAUSE = 1e6  # pause between two levels, in rows, which makes each level a separate run
 
 
@@ -233,13 +235,15 @@ def cleaned_recording(sweep: SweepResult, ratio: float) -> Recording:
     error = bins.error.copy()
     for name, (slope, _) in sweep.fit.slopes.items():
         error -= slope * getattr(bins, name)
+    is_new = (np.diff(bins.level, prepend=0) != 0) | (np.diff(bins.turns, prepend=bins.turns[0]) > _INTERRUPTION_REV)
+    run = np.cumsum(is_new)
     rows = np.arange(len(bins), dtype=float)
     return recording_from_columns(
         input_rev=bins.turns,
         error_arcsec=error,
         ratio=ratio,
-        sweep=bins.level,
-        time=rows + _PAUSE * bins.level,
+        sweep=run,
+        time=rows + _PAUSE * run,
     )
 
 

@@ -590,7 +590,7 @@ class _RecordUnderway:
                 return fit
             else:
                 self.warnings.append(_WIND_UP_LEFT)
-        change = without_spikes(trace, fit) or with_step(trace, fit)
+        change = without_spikes(trace, fit) or with_step(trace, fit, ratio)
         if change:
             self.trace = replace(change.trace, sweeps=tuple(sweeps(change.trace.cam_deg)))
             self.warnings.append(change.warning)

@@ -37,6 +37,7 @@ from hdassist.features.measuring.orders import LINE_WIDTH
 from hdassist.features.measuring.terms import BINS_PER_COLUMN, Bins, TraceDesign, order_columns
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
+from hdassist.recording.steps import clear_step
 from hdassist.run.errors import Fault, UntrustedError
 
 _LINE_FALSE_ALARM = 0.01  # probability that a recording without lines shows one
@@ -335,15 +336,66 @@ class _StepSizes:
         return _TO_SIGMA * float(np.median(np.abs(self.size[self.size != 0])))
 
 
-def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
-    """Return a trace with a new level after the largest step of the residuals, or None if there is no step.
+def with_step(
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    ratio: float,
+) -> _TraceChange | None:
+    """Return a trace with a new level after a step of the error, or None if there is no step.
+
+    The evidence of a model with all sidebands decides, or if there is none, the residuals of the fit.
+
+    ratio: input revolutions per output revolution.
+    """
+    if len(trace.breaks) == _MOST_BREAKS:
+        return None
+    step = _evident_step(trace, fit, ratio) or _large_step(trace, fit)
+    if step is None or int(trace.line[step.row]) in trace.breaks:
+        return None
+    line = int(trace.line[step.row])
+    where = f"the error steps by {step.size:.3g}″ at line {line}"
+    warning = f"{where}, as if a coupling slips or counts are lost; the step is removed"
+    return _TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Row of a trace at which the error steps, and the size of the step [arcsec]."""
+
+    row: int
+    size: float
+
+
+def _evident_step(
+    trace: MeasuredTrace,
+    fit: TraceFit,
+    ratio: float,
+) -> _Step | None:
+    """Return the step of which the readings are evidence, or None.
+
+    ratio: input revolutions per output revolution.
+    """
+    bins = fit.bins
+    error = bins.error.copy()
+    for name, (slope, _) in fit.slopes.items():
+        error -= slope * getattr(bins, name)
+    step = clear_step(bins.turns, error, bins.level, ratio)
+    if step is None:
+        return None
+    sweep = trace.sweeps[int(bins.sweep[step.first])]
+    # bins ascend with the angle, rows with time
+    border = float(bins.turns[step.first - 1] + bins.turns[step.first]) / 2
+    is_after = sweep.direction * (trace.cam_deg[sweep.rows] / 360 - border) >= 0
+    return _Step(row=sweep.start + int(is_after.argmax()), size=sweep.direction * step.size_arcsec)
+
+
+def _large_step(trace: MeasuredTrace, fit: TraceFit) -> _Step | None:
+    """Return the largest step of the residuals, or None if there is no step.
 
     A step is the difference between the means over _STEP_TURNS before and after a reading. It is far larger than such
     differences at most readings, and about as large over a quarter of that distance, over which a slope would be
     smaller.
     """
-    if len(trace.breaks) == _MOST_BREAKS:
-        return None
     fitted = fit.curve(fit.bins.turns)
     # differences of the means over half an input revolution before and after each row
     steps = _step_sizes(trace, _departures(trace, fit.bins, fitted))
@@ -352,17 +404,11 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     index = int(np.abs(steps.size).argmax())
     size = float(steps.size[index])
     row = int(steps.row[index])
-    line = int(trace.line[row])
     # the step must exceed the noise and be significant relative to the curve
-    is_small = abs(size) < max(_STEP_SIGMAS * steps.usual, _STEP_RANGE_SHARE * float(np.ptp(fitted)))
-    if is_small or line in trace.breaks:
+    if abs(size) < max(_STEP_SIGMAS * steps.usual, _STEP_RANGE_SHARE * float(np.ptp(fitted))):
         return None
     fitted_size = _fitted_step(trace, fit, row)
-    if fitted_size is None:
-        return None
-    where = f"the error steps by {fitted_size:.3g}″ at line {line}"
-    warning = f"{where}, as if a coupling slips or counts are lost; the step is removed"
-    return _TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
+    return None if fitted_size is None else _Step(row=row, size=fitted_size)
 
 
 def _step_sizes(trace: MeasuredTrace, departures: Sequence[Array]) -> _StepSizes | None:
