@@ -64,7 +64,10 @@ _STEP_TURNS = 0.5  # input revolutions compared on each side of a step
 _FEWEST_BESIDE_STEP = 8  # minimum number of readings on each side of a step
 _SHARP = 0.7  # smallest share of a step that is present over a quarter of the adjacent readings
 _STEP_SIGMAS = 8.0  # number of robust standard deviations of the differences that a step exceeds
-# Smallest step, as a share of the range of the fitted curve. A smaller step counts as noise.
+# smallest step that the evidence may show, as a share of the range of the fitted curve: a smaller one hardly matters,
+# and in computed recordings without noise, missing waves are evidence
+_SMALLEST_STEP = 0.02
+# Smallest step of the residuals, as a share of the range of the fitted curve. A smaller step counts as noise.
 _STEP_RANGE_SHARE = 0.1
 _MOST_BREAKS = 3  # maximum number of removed steps; if there are more, the test rig or the drive is at fault
 
@@ -380,7 +383,7 @@ def _evident_step(
     for name, (slope, _) in fit.slopes.items():
         error -= slope * getattr(bins, name)
     step = clear_step(bins.turns, error, bins.level, ratio)
-    if step is None:
+    if step is None or abs(step.size_arcsec) < _SMALLEST_STEP * float(np.ptp(fit.curve(bins.turns))):
         return None
     sweep = trace.sweeps[int(bins.sweep[step.first])]
     # bins ascend with the angle, rows with time
