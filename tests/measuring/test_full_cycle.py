@@ -111,9 +111,9 @@ def test_outside_its_domain_it_says_why():
 @pytest.mark.thorough
 def test_more_readings_than_the_model_takes_are_refused_by_name(monkeypatch):
     result = measured(turns_of(0.6))
-    monkeypatch.setattr("hdassist.features.measuring.full_cycle._MOST_BLOCKS", 0.5 * RATIO * PER_TURN)
+    monkeypatch.setattr("hdassist.features.measuring.full_cycle.MOST_BLOCKS", 0.5 * RATIO * PER_TURN)
     assert "record one full mesh cycle" in full_cycle(result, result.greatest)
-    monkeypatch.setattr("hdassist.features.measuring.full_cycle._MOST_BLOCKS", 0.7 * RATIO * PER_TURN)
+    monkeypatch.setattr("hdassist.features.measuring.full_cycle.MOST_BLOCKS", 0.7 * RATIO * PER_TURN)
     assert isinstance(full_cycle(result, result.greatest), FullCycle)
 
 
