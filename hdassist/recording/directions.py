@@ -76,7 +76,7 @@ class ModelledDirection:
     signs: Array
 
 
-class DifferenceShares:
+class _DifferenceShares:
     """The state of (R21) during sampling.
 
     share: g_kj^2, shape (waves,).
@@ -184,7 +184,7 @@ class DirectionsSampler:
         self._partner = len(forward.moment)  # distance of a wave's column from that of the other direction
         mean_square = float(np.mean([side.model.mean_square for side in self._sides]))
         self._tree = SizeTree.start(forward.model.pairs, mean_square)
-        self._shares = DifferenceShares(len(forward.model.pairs))
+        self._shares = _DifferenceShares(len(forward.model.pairs))
         self._moment = np.concatenate([side.moment for side in self._sides])
         self._beta = np.zeros(len(self._moment))
         self._gram_beta = np.zeros(len(self._moment))
@@ -237,8 +237,7 @@ class DirectionsSampler:
         """Draw the coefficients of each group given those of the other groups, by (R10) with the prior (R22)."""
         common = np.tile(1 / (4 * self._tree.wave), 2)
         difference = np.tile(1 / (self._shares.share * self._tree.wave), 2)
-        own = [np.concatenate([common + difference, side.other_precision()]) for side in self._sides]
-        prior = np.concatenate(own)
+        prior = np.concatenate([part for side in self._sides for part in (common + difference, side.other_precision())])
         weight = np.concatenate([np.full(len(side.moment), 1 / side.sigma2) for side in self._sides])
         beta = self._beta
         for group, rows, gram in zip(self._groups, self._group_rows, self._group_grams, strict=True):
