@@ -61,6 +61,7 @@ class BlockModel:
         more_sidebands: int = 0,
         components: Components = NO_COMPONENTS,
         smaller: BlockModel | None = None,
+        pairs: _Indices | None = None,
     ) -> None:
         """Set up the design of a recording.
 
@@ -69,6 +70,7 @@ class BlockModel:
         more_sidebands: sidebands on each side beyond the usual ones.
         components: components of the residuals of a smaller model.
         smaller: model of the same readings, whose columns and products are reused.
+        pairs: waves (k, j), shape (waves, 2), None for those of the cycle that the readings distinguish.
         """
         starts = block_starts(readings)
         self.cycle = readings.cycle
@@ -81,8 +83,10 @@ class BlockModel:
         self.place_rev = block_means(readings.place_rev, starts)
         self.path_rev = block_means(readings.path_rev, starts)
         self.blocks_per_rev = _blocks_per_rev(self.place_rev, self.run)
-        pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
-        self.pairs = distinct_pairs(pairs, self.place_rev, readings.cycle)
+        if pairs is None:
+            usual_pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
+            pairs = distinct_pairs(usual_pairs, self.place_rev, readings.cycle)
+        self.pairs = pairs
         self.waves = 2 * len(self.pairs)
         self.degree = drift_degree
         self.slow_end = self.waves + self.runs * (1 + drift_degree)
@@ -173,6 +177,17 @@ class BlockModel:
             more_sidebands=self.more_sidebands,
             components=components,
             smaller=self,
+        )
+
+    def with_pairs(self, readings: OrderedReadings, pairs: _Indices) -> BlockModel:
+        """Return a copy of this model with other waves (k, j), shape (waves, 2)."""
+        return BlockModel(
+            readings,
+            drift_degree=self.degree,
+            more_sidebands=self.more_sidebands,
+            components=self.components,
+            smaller=self,
+            pairs=pairs,
         )
 
     def is_plausible(self, coefficients: Array) -> bool:

@@ -47,20 +47,20 @@ _Indices = NDArray[np.int64]
 # effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width
 ENOUGH_SAMPLES = 100.0
 MOST_DRAWS = 1200
-_BATCH = 40  # number of draws between two computations of the effective sample size
+BATCH = 40  # number of draws between two computations of the effective sample size
 _NOISE_STEPS = 3  # iterations for the variance of the noise with the usual sizes
 _KEPT_DRAWS = 200  # approximate number of draws in the result, because neighbours in a longer chain are redundant
 # draws of the sizes per draw of the coefficients, which takes longer; they reduce the correlation of the chain
-_SIZE_STEPS = 4
+SIZE_STEPS = 4
 _BURN_SHARE = 0.2  # share of the draws that is discarded as burn-in
-_FIRST_DRAWS = 30  # number of draws of a short chain
+FIRST_DRAWS = 30  # number of draws of a short chain
 _FIRST_KEPT = 10  # number of its last draws, which are averaged
-_DRIFT_SIZE = 0.02  # scale of the Cauchy distribution of each power of the drift over a run, as a share of A (assumed)
-_LEVEL_PRECISION = 1e-10  # precision of the prior of levels relative to 1/A^2, which is effectively flat
+DRIFT_SIZE = 0.02  # scale of the Cauchy distribution of each power of the drift over a run, as a share of A (assumed)
+LEVEL_PRECISION = 1e-10  # precision of the prior of levels relative to 1/A^2, which is effectively flat
 # correlation of two columns above which they are drawn together; weaker correlation hardly slows the chain
 _COHERENT = 0.1
 _GROUP_COLUMNS = 100  # maximum number of columns of merged small groups, for which one factorisation is fastest
-_LEAST_NOISE = 1e-3  # smallest noise, as a share of A: no recording is better, and rounding errors are much smaller
+LEAST_NOISE = 1e-3  # smallest noise, as a share of A: no recording is better, and rounding errors are much smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,53 @@ class Chain:
     effective: float
 
 
+class DrawnRanges:
+    """The ranges of the curves of a chain that is being drawn, which show when it is long enough."""
+
+    def __init__(self) -> None:
+        self._batches: list[CurveExtremes] = []
+        self._draws = 0
+        self._effective = 0.0
+
+    def add(self, curves: Array, is_visited: NDArray[np.bool_]) -> None:
+        """Add a batch of curves.
+
+        curves: curves over the cycle [arcsec], shape (draws, points).
+        is_visited: whether each point has a reading nearby, shape (points,).
+        """
+        self._batches.append(curve_extremes(curves, is_visited))
+        self._draws += len(curves)
+        joined = CurveExtremes.joined(self._batches)
+        self._effective = min(
+            effective_samples(joined.range_arcsec[self._burnt :]),
+            effective_samples(joined.visited_range_arcsec[self._burnt :]),
+        )
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether the effective sample size is sufficient."""
+        return self._effective >= ENOUGH_SAMPLES
+
+    @property
+    def _burnt(self) -> int:
+        """The number of draws that are discarded as burn-in."""
+        return int(_BURN_SHARE * self._draws)
+
+    def chain(self, coefficients: Array, sigma_arcsec: Array) -> Chain:
+        """Return the chain with the draws after the burn-in.
+
+        coefficients: coefficients of all draws [arcsec], shape (draws, columns).
+        sigma_arcsec: white part of the noise of a block of all draws, shape (draws,).
+        """
+        kept = slice(self._burnt, None, max(1, (self._draws - self._burnt) // _KEPT_DRAWS))
+        return Chain(
+            coefficients=coefficients[kept],
+            sigma_arcsec=sigma_arcsec[kept],
+            extremes=CurveExtremes.joined(self._batches).chosen(kept),
+            effective=self._effective,
+        )
+
+
 class Sampler:
     """The Markov chain: coefficients given sizes by (R9) and (R10), sizes given coefficients by (R7) and (R11)."""
 
@@ -87,7 +134,7 @@ class Sampler:
         self._rng = np.random.default_rng(seed)
         self._tree = SizeTree.start(model.pairs, model.mean_square)
         self._sigma2 = 1e-2 * model.mean_square
-        self._drift2 = np.full(model.degree, _DRIFT_SIZE**2 * model.mean_square)
+        self._drift2 = np.full(model.degree, DRIFT_SIZE**2 * model.mean_square)
         self._beta = np.zeros(model.design.shape[1])
         self._use(WHITE)
 
@@ -103,14 +150,14 @@ class Sampler:
         self._moment = design.T @ errors
         self._square = float(errors @ errors)
         self._blocks = len(errors)
-        self._groups = _coherent_groups(self._gram)
+        self._groups = coherent_groups(self._gram)
         self._group_rows = [self._gram[group] for group in self._groups]
         self._group_grams = [self._gram[np.ix_(group, group)] for group in self._groups]
         self._gram_beta = self._gram @ self._beta
 
     def first_mean(self) -> Array:
         """Return the mean coefficients of the last draws of a short chain, shape (columns,)."""
-        draws = [self._step() for _ in range(_FIRST_DRAWS)]
+        draws = [self._step() for _ in range(FIRST_DRAWS)]
         return np.asarray(np.mean(draws[-_FIRST_KEPT:], axis=0))
 
     def usual_fit(self) -> UsualFit:
@@ -132,37 +179,24 @@ class Sampler:
     def run(self, most_draws: int) -> Chain:
         """Return the draws of a chain with a sufficient effective sample size, or of the largest allowed length."""
         model = self._model
-        extremes: list[CurveExtremes] = []
+        ranges = DrawnRanges()
         draws: list[Array] = []
         sigmas: list[float] = []
         while True:
-            for _ in range(_BATCH):
+            for _ in range(BATCH):
                 draws.append(self._step())
                 sigmas.append(float(np.sqrt(self._sigma2)))
-            batch = np.array(draws[-_BATCH:])[:, : model.waves]
-            curves = cycle_curves(batch, model.pairs, model.cycle)
-            extremes.append(curve_extremes(curves, model.is_visited))
-            burnt = int(_BURN_SHARE * len(draws))
-            joined = CurveExtremes.joined(extremes)
-            effective = min(
-                effective_samples(joined.range_arcsec[burnt:]),
-                effective_samples(joined.visited_range_arcsec[burnt:]),
-            )
-            if effective >= ENOUGH_SAMPLES or len(draws) + _BATCH > most_draws:
+            batch = np.array(draws[-BATCH:])[:, : model.waves]
+            ranges.add(cycle_curves(batch, model.pairs, model.cycle), model.is_visited)
+            if ranges.is_enough or len(draws) + BATCH > most_draws:
                 break
-        kept = slice(burnt, None, max(1, (len(draws) - burnt) // _KEPT_DRAWS))
-        return Chain(
-            coefficients=np.array(draws[kept]),
-            sigma_arcsec=np.array(sigmas[kept]),
-            extremes=joined.chosen(kept),
-            effective=effective,
-        )
+        return ranges.chain(np.array(draws), np.array(sigmas))
 
     def _prior_precision(self) -> Array:
         """Return the prior precision V^-1 of every coefficient, shape (columns,)."""
         model = self._model
         variances = np.concatenate([self._tree.wave, self._tree.wave])
-        levels = np.full(model.runs, _LEVEL_PRECISION / model.mean_square)
+        levels = np.full(model.runs, LEVEL_PRECISION / model.mean_square)
         drifts = np.repeat(1 / self._drift2, model.runs)
         lines = np.full(len(self._moment) - model.slow_end, 1 / model.mean_square)
         return np.concatenate([1 / variances, levels, drifts, lines])
@@ -182,16 +216,7 @@ class Sampler:
             moment = (self._moment[group] - by_others) / self._sigma2
             precision = gram / self._sigma2
             precision.flat[:: len(group) + 1] += prior[group]
-            # LAPACK directly, because scipy's checks take twice as long
-            # transposed, because LAPACK would copy a symmetric matrix in C order
-            factor, is_singular = dpotrf(precision.T, lower=1, overwrite_a=1)
-            if is_singular:
-                raise UntrustedError(
-                    "the readings do not distinguish the components", "record longer", Fault.ORDERS_UNTOLD
-                )
-            half = dtrtrs(factor, moment, lower=1)[0]
-            normal = self._rng.standard_normal(len(group))
-            drawn_beta = dtrtrs(factor, half + normal, lower=1, trans=1)[0]
+            drawn_beta = normal_draw(precision, moment, self._rng)
             # updating the product takes a third of the time of a new one, because memory limits both
             self._gram_beta += (drawn_beta - beta[group]) @ rows
             beta[group] = drawn_beta
@@ -202,18 +227,39 @@ class Sampler:
         rng = self._rng
         beta = self._beta
         cosines, sines = np.split(beta[: model.waves], 2)
-        for _ in range(_SIZE_STEPS):
+        for _ in range(SIZE_STEPS):
             self._tree.draw(cosines**2 + sines**2, rng)
         misfit = float(self._square - 2 * beta @ self._moment + beta @ self._gram_beta)
         drawn = float(inverse_gamma(self._blocks / 2, np.array(max(misfit, 0.0) / 2), rng))
-        self._sigma2 = max(drawn, _LEAST_NOISE**2 * model.mean_square)
+        self._sigma2 = max(drawn, LEAST_NOISE**2 * model.mean_square)
         if model.degree:
             drift = beta[model.waves + model.runs : model.slow_end].reshape(model.degree, model.runs)
-            rates = (_DRIFT_SIZE**2 * model.mean_square + (drift**2).sum(axis=1)) / 2
+            rates = (DRIFT_SIZE**2 * model.mean_square + (drift**2).sum(axis=1)) / 2
             self._drift2 = inverse_gamma((1 + model.runs) / 2, rates, rng)
 
 
-def _coherent_groups(gram: Array) -> list[_Indices]:
+def normal_draw(
+    precision: Array,
+    moment: Array,
+    rng: np.random.Generator,
+) -> Array:
+    """Return a draw of coefficients with the distribution N(P^-1 m, P^-1), shape (columns,).
+
+    precision: P, which is overwritten, shape (columns, columns).
+    moment: m, shape (columns,).
+    Raises UntrustedError if P is singular.
+    """
+    # LAPACK directly, because scipy's checks take twice as long
+    # transposed, because LAPACK would copy a symmetric matrix in C order
+    factor, is_singular = dpotrf(precision.T, lower=1, overwrite_a=1)
+    if is_singular:
+        raise UntrustedError("the readings do not distinguish the components", "record longer", Fault.ORDERS_UNTOLD)
+    half = dtrtrs(factor, moment, lower=1)[0]
+    normal = rng.standard_normal(len(moment))
+    return np.asarray(dtrtrs(factor, half + normal, lower=1, trans=1)[0])
+
+
+def coherent_groups(gram: Array) -> list[_Indices]:
     """Return groups of columns such that columns of different groups are nearly uncorrelated.
 
     gram: products of the columns, shape (columns, columns).

@@ -26,6 +26,7 @@ from hdassist.recording.components import (
     NO_COMPONENTS,
     Components,
 )
+from hdassist.recording.directions import DirectionsSampler, ModelledDirection
 from hdassist.recording.noise import NoiseMemory
 from hdassist.recording.positions import OrderedReadings, Recording, ordered_readings
 from hdassist.recording.waves import (
@@ -101,13 +102,79 @@ def posterior_of_recording(
     Raises DataError for sweeps in both directions.
     """
     readings = ordered_readings(recording)
+    choice = _choice(readings, drift_degree=drift_degree, seed=seed)
+    memory = choice.memory
+    choice.sampler.use_memory(memory)
+    return _result(readings, choice.model, memory, choice.sampler.run(most_draws))
+
+
+def posteriors_of_directions(
+    forward: Recording,
+    backward: Recording,
+    *,
+    drift_degree: int = 2,
+    seed: int = 0,
+    most_draws: int = MOST_DRAWS,
+) -> tuple[AmplitudePosterior, AmplitudePosterior]:
+    """Return samples of the amplitudes of both directions of rotation, given the readings of both.
+
+    The waves are chosen for each direction alone. Both directions then have the waves of either.
+
+    forward, backward: readings of one drive at one torque, each in one direction.
+    drift_degree, seed, most_draws: arguments of `posterior_of_recording`.
+    Raises DataError under the conditions of `posterior_of_recording`.
+    """
+    readings = [ordered_readings(recording) for recording in (forward, backward)]
+    choices = [_choice(of_direction, drift_degree=drift_degree, seed=seed) for of_direction in readings]
+    pairs = np.unique(np.concatenate([choice.model.pairs for choice in choices]), axis=0)
+    directions = []
+    for of_direction, choice in zip(readings, choices, strict=True):
+        model = choice.model
+        if not np.array_equal(model.pairs, pairs):
+            model = model.with_pairs(of_direction, pairs)
+        cosine_signs = np.full(len(pairs), float(of_direction.flipped))
+        signs = np.concatenate([cosine_signs, of_direction.turned * cosine_signs])
+        directions.append(ModelledDirection(model=model, memory=choice.memory, signs=signs))
+    chains = DirectionsSampler(directions, seed=seed).run(most_draws)
+    results = [
+        _result(of_direction, direction.model, direction.memory, chain)
+        for of_direction, direction, chain in zip(readings, directions, chains, strict=True)
+    ]
+    return results[0], results[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The chosen model of a recording.
+
+    model: the model.
+    sampler: its sampler after a short chain.
+    memory: autocorrelation of the residuals of the short chain.
+    """
+
+    model: BlockModel
+    sampler: Sampler
+    memory: NoiseMemory
+
+
+def _choice(
+    readings: OrderedReadings,
+    *,
+    drift_degree: int,
+    seed: int,
+) -> _Choice:
+    """Return the model with as many waves and components as the readings show.
+
+    readings: readings in canonical order.
+    drift_degree, seed: arguments of `posterior_of_recording`.
+    """
     model = BlockModel(readings, drift_degree=drift_degree)
     sampler = Sampler(model, seed=seed)
     mean = sampler.first_mean()
     components = model.clear_components(mean)
     for more_sidebands in _MORE_SIDEBANDS:
         is_enough = components == NO_COMPONENTS and model.is_plausible(mean)
-        if is_enough or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * recording.ratio:
+        if is_enough or more_sidebands + USUAL_SIDEBANDS > _WIDEST_OF_RATIO * float(readings.cycle):
             break
         wider = BlockModel(
             readings,
@@ -115,11 +182,13 @@ def posterior_of_recording(
             more_sidebands=more_sidebands,
             smaller=model,
         )
-        other = Sampler(wider, seed=seed)
-        other_mean = other.first_mean()
-        if wider.rank(other_mean) > model.rank(mean):
+        wider_sampler = Sampler(wider, seed=seed)
+        wider_mean = wider_sampler.first_mean()
+        if wider.rank(wider_mean) > model.rank(mean):
             break
-        model, sampler, mean = wider, other, other_mean
+        model = wider
+        sampler = wider_sampler
+        mean = wider_mean
         components = model.clear_components(mean)
     if not model.is_plausible(mean):
         components = _plausible_components(readings, model, seed)
@@ -127,8 +196,7 @@ def posterior_of_recording(
         model = model.with_components(readings, components)
         sampler = Sampler(model, seed=seed)
         mean = sampler.first_mean()
-    sampler.use_memory(model.memory(mean))
-    return _result(readings, model, model.memory(mean), sampler.run(most_draws))
+    return _Choice(model=model, sampler=sampler, memory=model.memory(mean))
 
 
 def _plausible_components(

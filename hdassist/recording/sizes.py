@@ -30,7 +30,7 @@ from hdassist.recording.waves import USUAL_SIDEBANDS
 from hdassist.run.files import package_table
 
 _Indices = NDArray[np.int64]
-_FREEDOM = 3.0  # degrees of freedom nu: tails like x^-4, so that a wave far above its profile is not shrunk
+FREEDOM = 3.0  # degrees of freedom nu: tails like x^-4, so that a wave far above its profile is not shrunk
 _LEAST_VARIANCE = 1e-14  # smallest variance as a share of A^2, which prevents overflow of a precision
 _PROFILES = package_table("recording/sizes.toml")  # written by benchmarks/sizes.py, from solved drives
 # Size of an order relative to the rms of the error, for k = 0, 1, 2, ...; the last value applies to higher orders. The
@@ -170,14 +170,20 @@ class SizeTree:
             least=_LEAST_VARIANCE * mean_square,
         )
 
-    def draw(self, squares: Array, rng: np.random.Generator) -> None:
+    def draw(
+        self,
+        squares: Array,
+        rng: np.random.Generator,
+        amplitudes: int = 1,
+    ) -> None:
         """Draw every size given the amplitudes, each from its conditional distribution by (R7).
 
-        squares: a_kj^2 + b_kj^2 [arcsec^2], shape (waves,).
+        squares: a_kj^2 + b_kj^2 [arcsec^2], or the sum of several such squares of the same size, shape (waves,).
+        amplitudes: number of such squares in each sum.
         """
-        nu = _FREEDOM
+        nu = FREEDOM
         orders = len(self.order)
-        self.wave = self.least + inverse_gamma(nu / 2 + 1, nu / self.wave_aux + squares / 2, rng)
+        self.wave = self.least + inverse_gamma(nu / 2 + amplitudes, nu / self.wave_aux + squares / 2, rng)
         parent = np.concatenate([self.order, self.sideband])[self.parent_of]
         self.wave_aux = inverse_gamma((nu + 1) / 2, nu / self.wave + 1 / (self.wave_prior * parent), rng)
         precision = 1 / (self.wave_prior * self.wave_aux)

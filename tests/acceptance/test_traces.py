@@ -181,15 +181,31 @@ def test_full_cycle_fails_by_the_lower_end_of_its_model():
     assert found == ["FAIL", "INCONCLUSIVE"]
 
 
-@pytest.mark.thorough
-def test_partial_cycle_in_one_direction_does_not_prevent_a_pass():
-    x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 18 * RATE, -1)]) / RATE
+def there_and_back_to(last):
+    """A measurement of the whole cycle there, and back to an angle [rev]."""
+    x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, last * RATE, -1)]) / RATE
     both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
-    measured = measure(both, drive=small(), stated=NOTHING)
+    return with_full_cycle(measure(both, drive=small(), stated=NOTHING))
+
+
+@pytest.mark.thorough
+def test_a_long_part_in_one_direction_must_pass_too():
+    measured = there_and_back_to(CYCLE // 3)
     whole, part = sorted(measured.directions, key=lambda each: each.is_bound)
-    ends = [full_cycle(measured, each).at_most_arcsec for each in (whole, part)]
-    assert ends[0] < ends[1]
-    found = accept(small(f"F_ior@4={0.5 * sum(ends)!r}"), {4.0: measured}, measured_only=True)
+    ends = [each.full_cycle.at_most_arcsec for each in (whole, part)]
+    for limit, verdict in ((min(ends) - 0.01, "INCONCLUSIVE"), (max(ends) + 0.01, "PASS")):
+        assert accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True).verdict == verdict
+    between = accept(small(f"F_ior@4={0.5 * sum(ends)!r}"), {4.0: measured}, measured_only=True)
+    assert between.verdict == "INCONCLUSIVE"
+
+
+@pytest.mark.thorough
+def test_a_short_return_does_not_prevent_a_pass():
+    measured = there_and_back_to(CYCLE - CYCLE // 4)
+    whole, part = sorted(measured.directions, key=lambda each: each.is_bound)
+    assert part.full_cycle.at_most_arcsec is None
+    limit = 1.2 * whole.full_cycle.at_most_arcsec
+    found = accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True)
     assert (found.verdict, found.checks[0].extent) == ("PASS", "whole")
 
 

@@ -61,7 +61,7 @@ def test_columns_joined_by_others_are_one_group(monkeypatch):
     gram = np.eye(6)
     for one, other in ((0, 4), (4, 2), (1, 5)):
         gram[one, other] = gram[other, one] = 0.3
-    assert [group.tolist() for group in module._coherent_groups(gram)] == [[0, 2, 4], [1, 5], [3]]
+    assert [group.tolist() for group in module.coherent_groups(gram)] == [[0, 2, 4], [1, 5], [3]]
 
 
 def test_known_amplitudes_are_recovered(reference):

@@ -231,12 +231,17 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
 def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
     """Return the decision with the worst verdict, or the first of several such decisions.
 
-    If a direction covers the whole cycle, a decision on a part counts only if it is close to the limit.
+    If a direction covers the whole cycle, a decision on a part counts only if it is close to the limit, or if the part
+    is long enough for an upper end. A short return sweep thus does not prevent PASS.
     """
-    # a direction that covers the whole cycle takes precedence over a part, unless the part is close to the limit
     if any(decision.extent == "whole" for decision in decisions):
-        decisions = [decision for decision in decisions if decision.extent == "whole" or _is_close_bound(decision)]
+        decisions = [decision for decision in decisions if decision.extent == "whole" or _is_decisive_part(decision)]
     return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
+
+
+def _is_decisive_part(decision: DecidedCheck) -> bool:
+    """Return whether a decision on a part of the cycle counts although another direction covers the whole cycle."""
+    return decision.at_most is not None or _is_close_bound(decision)
 
 
 def _is_close_bound(decision: DecidedCheck) -> bool:

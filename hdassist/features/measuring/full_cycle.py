@@ -20,7 +20,9 @@ the readings are coarse, most such lines are images of high orders. These recur 
 so they are not added.
 
 The model applies only in its domain, which is defined in `reason_outside`: the cycle and the size of the error are
-known, F'_ior refers to the whole cycle, and the recording has one direction, one torque and 12 % of the cycle or more.
+known, F'_ior refers to the whole cycle, and the direction has one torque and 12 % of the cycle or more. If the model
+applies to both directions, the readings of both determine the result of each (`recording/directions.py`). The
+conditions on the covered share apply to each direction alone, so that no direction passes by the readings of the other.
 Slow terms must not be much larger than the error of the orders (they may result from a wrong ratio), and the effective
 sample size must be sufficient. Outside this domain, only the range of the fitted orders is known.
 """
@@ -37,7 +39,7 @@ from hdassist.features.measuring.measure import Measurement, SweepResult
 from hdassist.features.measuring.orders import SCATTER, FullCycle, combined
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
-from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
+from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording, posteriors_of_directions
 from hdassist.recording.waves import ALWAYS_ORDER, LEAST_BLOCKS_PER_REV, MOST_BLOCKS
 from hdassist.run.errors import GUARD, SURE, DataError, UntrustedError
 
@@ -61,13 +63,24 @@ def with_full_cycle(result: Measurement) -> Measurement:
     """
     if all(direction.full_cycle is not None for direction in result.directions):
         return result
-    directions = [_direction_with_full_cycle(result, direction) for direction in result.directions]
+    posteriors = _posteriors(result)
+    directions = [
+        _direction_with_full_cycle(result, direction, posteriors[direction.direction])
+        for direction in result.directions
+    ]
     return replace(result, directions=tuple(sorted(directions, key=lambda each: -each.F_ior_arcsec)))
 
 
-def _direction_with_full_cycle(result: Measurement, sweep: SweepResult) -> SweepResult:
-    """Return a direction of a measurement with F'_ior of the full cycle."""
-    cycle = full_cycle(result, sweep)
+def _direction_with_full_cycle(
+    result: Measurement,
+    sweep: SweepResult,
+    posterior: AmplitudePosterior | str,
+) -> SweepResult:
+    """Return a direction of a measurement with F'_ior of the full cycle.
+
+    posterior: samples of the direction, or the reason why there are none.
+    """
+    cycle = posterior if isinstance(posterior, str) else _full_cycle_of(result, sweep, posterior)
     revolution = sweep.revolution
     if isinstance(cycle, FullCycle):
         # a revolution is a part of the recorded angles, but its range has another estimator, which may be larger
@@ -102,13 +115,59 @@ def full_cycle(result: Measurement, sweep: SweepResult) -> FullCycle | str:
     result: measurement.
     sweep: direction of the measurement.
     """
+    posterior = _posteriors(result)[sweep.direction]
+    return posterior if isinstance(posterior, str) else _full_cycle_of(result, sweep, posterior)
+
+
+def is_joint(result: Measurement) -> bool:
+    """Return whether one model describes both directions: it applies to each of them, at the same torque."""
+    if {sweep.direction for sweep in result.directions} != {1, -1}:
+        return False
+    return not any(reason_outside(result, sweep) for sweep in result.directions) and _is_same_torque(result)
+
+
+def _is_same_torque(result: Measurement) -> bool:
+    """Return whether both directions were recorded at the same torque, which may be measured against the motion."""
+    if result.torque is None:
+        return True
+    loads = [np.abs(sweep.bins.load) for sweep in result.directions]
+    return not result.torque.is_change([np.concatenate(loads)])
+
+
+def _posteriors(result: Measurement) -> dict[int, AmplitudePosterior | str]:
+    """Return the samples of each direction by its number, or the reason why there are none."""
+    if is_joint(result) and result.gearing:
+        ratio = result.gearing.ratio
+        by_direction = {sweep.direction: sweep for sweep in result.directions}
+        try:
+            forward, backward = posteriors_of_directions(
+                cleaned_recording(by_direction[1], ratio),
+                cleaned_recording(by_direction[-1], ratio),
+                seed=result.seed,
+            )
+        except (DataError, UntrustedError) as error:
+            return {1: str(error), -1: str(error)}
+        return {1: forward, -1: backward}
+    return {sweep.direction: _posterior_alone(result, sweep) for sweep in result.directions}
+
+
+def _posterior_alone(result: Measurement, sweep: SweepResult) -> AmplitudePosterior | str:
+    """Return the samples of a direction from its own readings, or the reason why there are none."""
     reason = reason_outside(result, sweep)
     if reason or result.gearing is None:
         return reason
     try:
-        posterior = posterior_of_recording(cleaned_recording(sweep, result.gearing.ratio), seed=result.seed)
+        return posterior_of_recording(cleaned_recording(sweep, result.gearing.ratio), seed=result.seed)
     except (DataError, UntrustedError) as error:
         return str(error)
+
+
+def _full_cycle_of(
+    result: Measurement,
+    sweep: SweepResult,
+    posterior: AmplitudePosterior,
+) -> FullCycle | str:
+    """Return F'_ior of the full cycle from samples of a direction, or the reason why it is not available."""
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
         return "the model of the full cycle has too few effective samples"

@@ -217,6 +217,16 @@ def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[s
         yield f"To narrow this interval, record the output from {first:.0f} to {last:.0f}° next."
 
 
+def _directions_facts(result: Measurement) -> Iterator[Fact]:
+    """Yield a statement on the intervals of both directions if one model describes both."""
+    if len(result.directions) < 2:
+        return
+    from hdassist.features.measuring.full_cycle import is_joint  # imported here because scipy.linalg takes time
+
+    if is_joint(result):
+        yield "model", "each direction has its own interval, from one model of both directions"
+
+
 def _facts(
     result: Measurement,
     drive: Drive | None,
@@ -231,6 +241,7 @@ def _facts(
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=first_sweep.is_scale_bound)
     yield from _line_facts(first_sweep)
+    yield from _directions_facts(result)
     if reversal := result.reversal:
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
