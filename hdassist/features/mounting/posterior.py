@@ -371,9 +371,9 @@ class HoleSamples:
         """Return the samples together with curves over the seat that no drive produced.
 
         The section "Trials 5" in docs/theory.md derives them. The level of the curves is lognormal with the median of
-        the samples. Smooth curves have normally distributed waves of the same size as the samples, because another
-        drive is equally smooth. The other curves are the sum of two phasors. The curves are sampled near the values,
-        with weights that correct for this.
+        the samples. Smooth curves have normally distributed waves of the size of those of the samples times a random
+        factor, because another drive may be smoother or rougher. The other curves are the sum of two phasors. The
+        curves are sampled near the values, with weights that correct for this.
         """
         smooth_curves, smooth_weights = self._free_curves(trials)
         phasor_curves, phasor_weights = self._phasor_curves(trials)
@@ -413,7 +413,7 @@ class HoleSamples:
         factors, log_factors = _wave_factors()
         kinds = error_kinds(len(trials), LOG_NOISES)
         numbers, density = _numbers_near(
-            _harmonics(-np.radians([trial.rotation_deg for trial in trials])),
+            _trial_harmonics(trials),
             np.log(self._values_at_setup(trials)) - level,
             self._log_covariances(trials, kinds),
             kinds,
@@ -421,7 +421,7 @@ class HoleSamples:
             sizes=sizes * factors,
             log_sizes=log_factors,
         )
-        basis = _harmonics(2 * np.pi * np.arange(directions) / directions)  # shape (directions, numbers)
+        basis = _seat_harmonics(directions)
         curves = np.exp(level + numbers @ basis.T)
         return curves, density / _FREE_CURVES
 
@@ -441,7 +441,7 @@ class HoleSamples:
         # the numbers p, q, r are sampled from a normal distribution near the values
         size = float(squares.mean()) if trials else 1.0
         middle = np.array([size, 0.0, 0.0])
-        basis = _harmonics(-np.radians([trial.rotation_deg for trial in trials]))[:, _PHASOR_NUMBERS]
+        basis = _trial_harmonics(trials)[:, _PHASOR_NUMBERS]
         normals, density = _numbers_near(
             size * basis,
             squares - basis @ middle,
@@ -454,8 +454,7 @@ class HoleSamples:
         numbers = middle + size * normals
         log_drawn = -0.5 * np.square(normals).sum(axis=1) - 3 * np.log(size * np.sqrt(2 * np.pi))
         weights = density * np.exp(_log_phasor_prior(numbers) - log_drawn) / _FREE_CURVES
-        directions = log_F.shape[1]
-        seat = _harmonics(2 * np.pi * np.arange(directions) / directions)[:, _PHASOR_NUMBERS]
+        seat = _seat_harmonics(log_F.shape[1])[:, _PHASOR_NUMBERS]
         squares_of_curves = np.maximum(numbers @ seat.T, _LEAST_SQUARE * size)
         return np.exp(level) * np.sqrt(squares_of_curves), weights
 
@@ -483,6 +482,16 @@ def _harmonics(angles: Array) -> Array:
     """Return 1, the cosines and the sines of the orders of smooth curves at angles [rad], shape (angles, numbers)."""
     order_angles = np.multiply.outer(angles, _FREE_CURVE_ORDERS)
     return np.hstack([np.ones((len(angles), 1)), np.cos(order_angles), np.sin(order_angles)])
+
+
+def _trial_harmonics(trials: Sequence[Trial]) -> Array:
+    """Return the harmonics at the positions of values, shape (trials, numbers)."""
+    return _harmonics(-np.radians([trial.rotation_deg for trial in trials]))
+
+
+def _seat_harmonics(directions: int) -> Array:
+    """Return the harmonics in equal steps of direction, shape (directions, numbers)."""
+    return _harmonics(2 * np.pi * np.arange(directions) / directions)
 
 
 def _log_phasor_prior(numbers: Array) -> Array:
@@ -550,18 +559,15 @@ def _numbers_near(
     """
     log_shares = np.array([kind.log_share for kind in kinds])
     scaled_basis = basis * sizes[:, None, :]  # shape (sizes, values, numbers)
-    of_curves = scaled_basis @ np.swapaxes(scaled_basis, 1, 2)
-    total = of_curves[:, None] + covariances  # shape (sizes, kinds, values, values)
+    to_numbers = np.swapaxes(scaled_basis, 1, 2)
+    total = (scaled_basis @ to_numbers)[:, None] + covariances  # shape (sizes, kinds, values, values)
     log = log_sizes[:, None] + log_shares + _log_normal(y, total)
-    drawn = rng.choice(log.size, _FREE_CURVES, p=softmax(log.ravel()))
-    size, kind = np.divmod(drawn, len(kinds))
+    size, kind = np.divmod(rng.choice(log.size, _FREE_CURVES, p=softmax(log.ravel())), len(kinds))
     normals, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
     off = y[:, None] - scaled_basis[size] @ normals - np.linalg.cholesky(covariances)[kind] @ error
-    # Matheron's rule
-    normals = normals + np.swapaxes(scaled_basis, 1, 2)[size] @ np.linalg.solve(total[size, kind], off)
+    normals = normals + to_numbers[size] @ np.linalg.solve(total[size, kind], off)  # Matheron's rule
     numbers = sizes[size] * normals[..., 0]
-    residuals = y - numbers @ basis.T
-    log_likelihood = logsumexp(log_shares + _log_normal(residuals[:, None], covariances), axis=1)
+    log_likelihood = logsumexp(log_shares + _log_normal((y - numbers @ basis.T)[:, None], covariances), axis=1)
     return numbers, np.exp(logsumexp(log) - log_likelihood)
 
 
