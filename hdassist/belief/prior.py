@@ -210,9 +210,9 @@ def prior_of(drive: Drive) -> DrivePrior:
     A field with an uncertainty is normal. A field that is assumed, or has a default with a plausible range, is uniform
     over its range, or in the logarithm if the range is positive and spans more than a factor of 4. An unspecified
     deviation is uniform up to the largest plausible size of its part, with any direction. A single pitch deviation with
-    a range from 0 has the distribution "teeth". A jointly fitted field is
-    drawn with its fit, as long as it has the fitted value. If the catalogue states a backlash, the profile shift of
-    the circular spline follows, provided that it is only assumed. All other fields are exact.
+    a range from 0 has the distribution "teeth". A jointly fitted field is drawn with its fit, as long as it has the
+    fitted value. If the catalogue states a backlash, the profile shift of the circular spline follows, provided that it
+    is only assumed. All other fields are exact.
     """
     knowledge = _Knowledge.of(drive)
     candidates = [knowledge.field_prior(path) for path in measures() if not path.startswith(EVIDENCE)]

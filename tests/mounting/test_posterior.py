@@ -329,8 +329,11 @@ def test_free_curves_are_smooth_and_gain_nothing_near_the_values(monkeypatch) ->
     near = posterior_of(once.with_free_curves(tried), tried, [0.0, 180.0])
     assert near.by_values < 0.3  # the level of drives agrees with the values, of others it could be any
     # against very many of them, drawn whatever the values are
-    level, one, other = np.random.default_rng(0).standard_normal((3, 40_000, 1))
-    curves = 20 * np.exp(level + 0.1 / np.sqrt(2) * (one * np.cos(turn[0]) + other * np.sin(turn[0])))
+    rng = np.random.default_rng(0)
+    level, one, other = rng.standard_normal((3, 40_000, 1))
+    factors, log_shares = posterior._wave_factors()
+    size = 0.1 / np.sqrt(2) * rng.choice(factors[:, 1], (40_000, 1), p=np.exp(log_shares))
+    curves = 20 * np.exp(level + size * (one * np.cos(turn[0]) + other * np.sin(turn[0])))
     weight = np.vstack([np.full((64, HOLES), 1 / (64 * HOLES)), np.zeros(curves.shape)])
     weight[64:, 0] = 1 / len(curves)
     every = posterior_of(synthetic(np.vstack([once.F_ior_arcsec, curves]), weight), tried, [0.0, 180.0])
@@ -385,3 +388,40 @@ def test_any_value_may_be_misread_and_an_outlier_is_named() -> None:
         tried = [Trial(POSITIONS[hole], float(value)) for hole, value in y.items()]
         found = posterior_of(once.with_free_curves(tried), tried, [0.0]).misread
         assert found.argmax() == wrong and found[wrong] > 0.9
+
+
+def test_weighted_smooth_curves_have_their_prior_of_several_sizes() -> None:
+    """Numbers drawn near a value, weighted, have the moments of a mixture of normal distributions of two sizes."""
+    sizes = np.array([[1.0, 0.5], [1.0, 2.0]])
+    log_sizes = np.log([0.75, 0.25])
+    basis = np.array([[1.0, 0.4]])
+    kinds = [ErrorKind(log_share=np.log(0.5)), ErrorKind(noise=4.0, log_share=np.log(0.5))]
+    covariances = np.array([[[0.8]], [[3.0]]])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(posterior, "_FREE_CURVES", 200_000)
+        numbers, weights = posterior._numbers_near(
+            basis,
+            np.array([0.7]),
+            covariances,
+            kinds,
+            np.random.default_rng(0),
+            sizes=sizes,
+            log_sizes=log_sizes,
+        )
+    share = weights / len(weights)
+    assert share.sum() == pytest.approx(1, abs=0.02)
+    assert share @ numbers == pytest.approx(np.zeros(2), abs=0.03)
+    assert share @ np.square(numbers) == pytest.approx(np.exp(log_sizes) @ np.square(sizes), rel=0.04)
+    fourth = 3 * np.exp(log_sizes) @ sizes[:, 1] ** 4  # normal numbers have three times the squared variance
+    assert share @ numbers[:, 1] ** 4 == pytest.approx(fourth, rel=0.15)
+
+
+def test_factors_of_waves_are_probabilities_with_their_medians() -> None:
+    factors, log_shares = posterior._wave_factors()
+    shares = np.exp(log_shares)
+    assert shares.sum() == pytest.approx(1)
+    assert (factors[:, 0] == 1).all()  # the level keeps its size
+    first, higher = factors[:, 1], factors[:, 2]
+    assert (factors[:, 2:5] == higher[:, None]).all()
+    # the first wave is smaller than those of the samples more often than the higher waves
+    assert shares @ np.log(first) < shares @ np.log(higher) < 0

@@ -215,6 +215,12 @@ _PHASOR_SHARE = 0.25  # prior probability that the values belong to a curve that
 _FREE_CURVES = 1024  # number of curves of each of these two kinds
 _FREE_ORDERS = 4  # number of orders of a smooth curve
 _FREE_CURVE_ORDERS = np.arange(1, _FREE_ORDERS + 1)
+# Possible factors of the waves of a smooth curve, relative to those of the samples. Their logarithms are normal, with
+# the medians of order 1 and of the higher orders, from hidden drives (benchmarks.waves).
+_WAVE_FACTORS = (0.25, 0.5, 1.0, 2.0)
+_WAVE_SPREAD = 0.7  # standard deviation of the logarithm
+_FIRST_WAVE = 0.5
+_HIGHER_WAVES = 0.7
 # indices of constant, cosine and sine of order 1 among the numbers of a smooth curve
 _PHASOR_NUMBERS = [0, 1, 1 + _FREE_ORDERS]
 # smallest square of a curve of two phasors, relative to the mean square of the values: two opposite phasors still leave
@@ -365,9 +371,9 @@ class HoleSamples:
         """Return the samples together with curves over the seat that no drive produced.
 
         The section "Trials 5" in docs/theory.md derives them. The level of the curves is lognormal with the median of
-        the samples. Smooth curves have normally distributed waves of the same size as the samples, because another
-        drive is equally smooth. The other curves are the sum of two phasors. The curves are sampled near the values,
-        with weights that correct for this.
+        the samples. Smooth curves have normally distributed waves of the size of those of the samples times a random
+        factor, because another drive may be smoother or rougher. The other curves are the sum of two phasors. The
+        curves are sampled near the values, with weights that correct for this.
         """
         smooth_curves, smooth_weights = self._free_curves(trials)
         phasor_curves, phasor_weights = self._phasor_curves(trials)
@@ -404,15 +410,18 @@ class HoleSamples:
         amplitudes = np.sqrt(sample_share @ np.square(2 / directions * np.abs(spectrum)))
         # standard deviations of the numbers of a curve: its level, then the cosines and the sines of the orders
         sizes = np.array([_FREE_LEVEL, *np.tile(amplitudes[_FREE_CURVE_ORDERS] / np.sqrt(2), 2)])
+        factors, log_factors = _wave_factors()
         kinds = error_kinds(len(trials), LOG_NOISES)
         numbers, density = _numbers_near(
-            sizes * _harmonics(-np.radians([trial.rotation_deg for trial in trials])),
+            _trial_harmonics(trials),
             np.log(self._values_at_setup(trials)) - level,
             self._log_covariances(trials, kinds),
             kinds,
             np.random.default_rng([self.seed, 3]),
+            sizes=sizes * factors,
+            log_sizes=log_factors,
         )
-        basis = sizes * _harmonics(2 * np.pi * np.arange(directions) / directions)  # shape (directions, numbers)
+        basis = _seat_harmonics(directions)
         curves = np.exp(level + numbers @ basis.T)
         return curves, density / _FREE_CURVES
 
@@ -432,19 +441,20 @@ class HoleSamples:
         # the numbers p, q, r are sampled from a normal distribution near the values
         size = float(squares.mean()) if trials else 1.0
         middle = np.array([size, 0.0, 0.0])
-        basis = _harmonics(-np.radians([trial.rotation_deg for trial in trials]))[:, _PHASOR_NUMBERS]
+        basis = _trial_harmonics(trials)[:, _PHASOR_NUMBERS]
         normals, density = _numbers_near(
             size * basis,
             squares - basis @ middle,
             4 * np.multiply.outer(squares, squares) * self._log_covariances(trials, kinds),
             kinds,
             np.random.default_rng([self.seed, 5]),
+            sizes=np.ones((1, 3)),
+            log_sizes=np.zeros(1),
         )
         numbers = middle + size * normals
         log_drawn = -0.5 * np.square(normals).sum(axis=1) - 3 * np.log(size * np.sqrt(2 * np.pi))
         weights = density * np.exp(_log_phasor_prior(numbers) - log_drawn) / _FREE_CURVES
-        directions = log_F.shape[1]
-        seat = _harmonics(2 * np.pi * np.arange(directions) / directions)[:, _PHASOR_NUMBERS]
+        seat = _seat_harmonics(log_F.shape[1])[:, _PHASOR_NUMBERS]
         squares_of_curves = np.maximum(numbers @ seat.T, _LEAST_SQUARE * size)
         return np.exp(level) * np.sqrt(squares_of_curves), weights
 
@@ -474,6 +484,16 @@ def _harmonics(angles: Array) -> Array:
     return np.hstack([np.ones((len(angles), 1)), np.cos(order_angles), np.sin(order_angles)])
 
 
+def _trial_harmonics(trials: Sequence[Trial]) -> Array:
+    """Return the harmonics at the positions of values, shape (trials, numbers)."""
+    return _harmonics(-np.radians([trial.rotation_deg for trial in trials]))
+
+
+def _seat_harmonics(directions: int) -> Array:
+    """Return the harmonics in equal steps of direction, shape (directions, numbers)."""
+    return _harmonics(2 * np.pi * np.arange(directions) / directions)
+
+
 def _log_phasor_prior(numbers: Array) -> Array:
     """Return the prior log density of p, q and r of equation (2), shape (numbers,).
 
@@ -489,42 +509,76 @@ def _log_phasor_prior(numbers: Array) -> Array:
     return np.where(is_inside, log_density - 6 * log_level - np.log(2 * np.pi), -np.inf)
 
 
+def _wave_factors() -> tuple[Array, Array]:
+    """Return the factors of the numbers of a smooth curve for each pair of sizes, and their prior log probabilities.
+
+    The factors have the shape (pairs, numbers), and the log probabilities (pairs,). The level has the factor 1, and the
+    waves of order 2 and higher have a common factor.
+    """
+    factors = []
+    log_factors = []
+    for first, log_first in _log_factors(_FIRST_WAVE).items():
+        for higher, log_higher in _log_factors(_HIGHER_WAVES).items():
+            by_order = np.where(_FREE_CURVE_ORDERS == 1, first, higher)
+            factors.append([1.0, *by_order, *by_order])
+            log_factors.append(log_first + log_higher)
+    return np.array(factors), np.array(log_factors)
+
+
+def _log_factors(median: float) -> dict[float, float]:
+    """Return the log probability of each of the _WAVE_FACTORS, whose logarithms are normal.
+
+    median: median of the factors.
+    """
+    log_shares = -0.5 * np.square(np.log(np.array(_WAVE_FACTORS) / median) / _WAVE_SPREAD)
+    return dict(zip(_WAVE_FACTORS, (log_shares - logsumexp(log_shares)).tolist(), strict=True))
+
+
 def _numbers_near(
     basis: Array,
     y: Array,
     covariances: Array,
     kinds: Sequence[ErrorKind],
     rng: np.random.Generator,
+    *,
+    sizes: Array,
+    log_sizes: Array,
 ) -> tuple[Array, Array]:
-    """Return draws of standard normal numbers given values y = basis @ numbers + error, and their weights.
+    """Return draws of normal numbers given values y = basis @ numbers + error, and their weights.
 
     The draws have the shape (_FREE_CURVES, numbers). The weights are inversely proportional to the likelihood, so the
-    weighted draws have the prior distribution.
+    weighted draws have the prior distribution, a mixture of normal distributions of several sizes.
 
     basis: derivative of the values by the numbers, shape (values, numbers).
     y: the values, shape (values,).
     covariances: covariance of the error for each kind, shape (kinds, values, values).
     kinds: possible kinds of error.
     rng: source of random numbers.
+    sizes: possible standard deviations of the numbers, shape (sizes, numbers).
+    log_sizes: prior log probability of each of them, shape (sizes,).
     """
     log_shares = np.array([kind.log_share for kind in kinds])
+    scaled_basis = basis * sizes[:, None, :]  # shape (sizes, values, numbers)
+    to_numbers = np.swapaxes(scaled_basis, 1, 2)
+    total = (scaled_basis @ to_numbers)[:, None] + covariances  # shape (sizes, kinds, values, values)
+    log = log_sizes[:, None] + log_shares + _log_normal(y, total)
+    size, kind = np.divmod(rng.choice(log.size, _FREE_CURVES, p=softmax(log.ravel())), len(kinds))
+    normals, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
+    off = y[:, None] - scaled_basis[size] @ normals - np.linalg.cholesky(covariances)[kind] @ error
+    normals = normals + to_numbers[size] @ np.linalg.solve(total[size, kind], off)  # Matheron's rule
+    numbers = sizes[size] * normals[..., 0]
+    log_likelihood = logsumexp(log_shares + _log_normal((y - numbers @ basis.T)[:, None], covariances), axis=1)
+    return numbers, np.exp(logsumexp(log) - log_likelihood)
 
-    def log_shown(off: Array, covariances: Array) -> Array:
-        """Return the log density of deviations from the mean for each kind of error, shape (kinds, rows)."""
-        squares = ((off @ np.linalg.inv(covariances)) * off).sum(axis=2)
-        return np.asarray(log_shares[:, None] - 0.5 * (squares + np.linalg.slogdet(covariances)[1][:, None]))
 
-    total = basis @ basis.T + covariances
-    log = log_shown(y[None], total)[:, 0]
-    kind = rng.choice(
-        len(log),
-        _FREE_CURVES,
-        p=softmax(log),
-    )
-    numbers, error = (rng.standard_normal((_FREE_CURVES, n, 1)) for n in basis.T.shape)
-    off = y[:, None] - basis @ numbers - np.linalg.cholesky(covariances)[kind] @ error
-    numbers = (numbers + basis.T @ np.linalg.solve(total[kind], off))[..., 0]  # Matheron's rule
-    return numbers, np.exp(logsumexp(log) - logsumexp(log_shown(y - numbers @ basis.T, covariances), axis=0))
+def _log_normal(residuals: Array, covariances: Array) -> Array:
+    """Return the log density of normal residuals without its constant, shape (...).
+
+    residuals: residuals, shape (..., values).
+    covariances: covariances, shape (..., values, values).
+    """
+    squares = np.einsum("...i,...ij,...j", residuals, np.linalg.inv(covariances), residuals)
+    return np.asarray(-0.5 * (squares + np.linalg.slogdet(covariances)[1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -292,7 +292,7 @@ def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
     if not law.not_given:
         return law.drive.origin.warnings
     names = ", ".join(law.not_given)
-    return (*law.drive.origin.warnings, f"inputs without a tolerance are sampled evenly, as in check: {names}")
+    return (*law.drive.origin.warnings, f"inputs without a tolerance are sampled as in check: {names}")
 
 
 def _yields(summary: Summary) -> str:
