@@ -3,8 +3,9 @@
 A coupling slips, an encoder loses counts, or a recording is interrupted and continued with another zero. The error then
 has another level from one reading to the next, and the readings need not show where. A step at reading b is a column c
 of the model, which is 1 from b to the end of the run and 0 elsewhere, with a coefficient h ~ N(0, A^2). Here the model
-(R8) contains waves up to order 16 with the sizes of the profile, levels, and drifts. Given P (R9) and the residuals r
-of the mean without a step, the information I on h, its estimate, and the evidence for a step at b are
+(R8) contains waves up to order 16 with the sizes of the profile, slow waves up to 12 periods per output revolution,
+levels, and drifts. Given P (R9) and the residuals r of the mean without a step, the information I on h, its estimate,
+and the evidence for a step at b are
 
     I = (c^T c - c^T X P^-1 X^T c / sigma^2) / s^2,   h = c^T r / (s^2 I),                                     (R18)
     log B = (I h)^2 / (2 (I + 1/A^2)) - log(1 + A^2 I) / 2.                                                    (R19)
@@ -37,6 +38,7 @@ _NOISE_STEPS = 10  # iterations for the variance of the noise
 _LEAST_NOISE = 1e-3  # smallest noise, as a share of A, so that rounding errors are no evidence
 _LEAST_FREE = 1e-6  # smallest part of c^T c that the model does not represent, so that no division is by 0
 _MEDIAN_OF_SQUARE = 0.4549  # median of the square of a standard normal variable
+_SLOW_ORDERS = 12  # periods of slow waves per output revolution; test rigs have more of them than drives
 _DRIFT_DEGREE = 2
 _FLAT = 1e-10  # precision of a level relative to 1/A^2
 
@@ -255,7 +257,7 @@ def _design(blocks: _Blocks, ratio: float) -> tuple[Array, Array]:
 def _pairs(ratio: float) -> _Indices:
     """Return the waves (k, j) up to order 16, shape (waves, 2)."""
     sidebands = min(USUAL_SIDEBANDS, max(1, int(ratio // 2)))
-    pairs = {(0, j) for j in range(1, sidebands + 1)}
+    pairs = {(0, j) for j in range(1, min(_SLOW_ORDERS, max(1, int(ratio // 2))) + 1)}
     for k in range(1, ALWAYS_ORDER + 1):
         pairs |= {(k, j) for j in range(-sidebands, sidebands + 1)}
         if 2 * k < ratio:

@@ -38,6 +38,13 @@ def test_noise_with_a_memory_is_no_step():
     assert clear_step(turns, error + noise, one_run(turns), RATIO) is None
 
 
+def test_slow_waves_of_a_test_rig_are_no_step():
+    turns, error = noisy_readings()
+    for periods in (8, 10, 12):
+        slow = 20 * np.cos(2 * np.pi * periods * turns / RATIO)
+        assert clear_step(turns, error + slow, one_run(turns), RATIO) is None
+
+
 def test_runs_have_levels_of_their_own():
     turns, error = noisy_readings()
     run = (np.arange(len(turns)) >= 700).astype(np.int64)
