@@ -48,7 +48,7 @@ def test_check_page_fits_a_screen_and_ends_with_a_command():
     ("args", "verdict", "reason"),
     [
         (("vzp160",), "no limit set", "F'_ior (peak-to-peak kinematic error) over 17 uncertain inputs"),
-        (("mvz-80", "--limit", "20"), "FAIL", "10 N·m: probability that F'_ior + self error ≤ 20″: "),
+        (("mvz-80", "--limit", "10"), "FAIL", "10 N·m: probability that F'_ior + self error ≤ 10″: "),
         (("mvz-80", "--limit", "30"), "INCONCLUSIVE", "10 N·m: probability that F'_ior + self error ≤ 30″: "),
     ],
 )
