@@ -24,6 +24,7 @@ TORQUES = (0.5, 2.4)  # N*m: loads of these mounts are not known
 EFFECTIVE = 48
 PUBLISHED_ERROR = 0.15  # standard deviation of the logarithm of a published value
 NEITHER_KIND, NEITHER_DENSITY = 0.02, 0.3  # probability, and density of the logarithm, of a drive of neither kind
+LOAD_OF_MOUNTS = "The loads are unknown. The largest value, the statement of an owner, is above all samples"
 ASSUMED_TURNS = 2.5  # of the cam, where a record does not tell how many it has
 STARTS = 4  # places of the cycle from which each drawn drive is recorded
 
@@ -38,15 +39,16 @@ ABOUT = (
     "revolutions is not published, 2.5 revolutions are used. The value in brackets is the share of sampled drives "
     "whose F'_ior over the full mesh cycle is below the published value. Limits, statements about a class of drives, "
     "and values recalled from memory are listed without a comparison.\n\nIf the sampled drives were like actual "
-    "drives, the shares would be evenly distributed between 0 and 100 %. The test of Kolmogorov and Smirnov does not "
-    "refute this assumption, but five values are too few for a conclusive test. The standard error of a share is up "
-    "to 7 %. The two smallest values have shares of 5 to 12 %. The largest value, which an owner states for a drive "
-    "with an unknown coupling, is above all samples.\n\nThe prior assumes that the teeth of half of the wheels are "
-    "fine ([unknown inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share: each value "
-    "has one probability density if the teeth of both wheels are fine, and another if the teeth of neither wheel are. "
-    "With a uniform prior of the share, its posterior mean and standard deviation are given below the first table. "
-    "The standard error of a published value is assumed to be 15 %, and with a probability of 2 % the value belongs "
-    "to a drive of neither kind. Five values hardly narrow the share, so it remains an assumption."
+    "drives, the shares would be evenly distributed between 0 and 100 %. The p values of the test of Kolmogorov and "
+    "Smirnov are close to 5 %, so the test neither confirms nor clearly refutes this assumption. Five values are too "
+    "few for a conclusive test. The standard error of a share is up to 7 %. The two smallest values have shares of 5 "
+    "to 12 %. The largest value, which an owner states for a drive with an unknown coupling, is above all "
+    "samples.\n\nThe prior assumes that the teeth of half of the wheels are fine ([unknown "
+    "inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share: each value has one "
+    "probability density if the teeth of both wheels are fine, and another if the teeth of neither wheel are. With a "
+    "uniform prior of the share, its posterior mean and standard deviation are given below the first table. The "
+    "standard error of a published value is assumed to be 15 %, and with a probability of 2 % the value belongs to a "
+    "drive of neither kind. Five values hardly narrow the share, so it remains an assumption."
 )
 
 
@@ -173,7 +175,8 @@ CASES = [
             why="Only five recordings are available, and one or two further recordings may change the result",
             kind=Kind.CHECK,
             value=lambda k=k: p_value(k),
-            digits=".2f",
+            digits=".3f",
+            miss=LOAD_OF_MOUNTS if k == 0 else "",
             slow=True,
         )
         for k, M_g in enumerate(TORQUES)
