@@ -41,14 +41,14 @@ ABOUT = (
     "and values recalled from memory are listed without a comparison.\n\nIf the sampled drives were like actual "
     "drives, the shares would be evenly distributed between 0 and 100 %. The p values of the test of Kolmogorov and "
     "Smirnov are close to 5 %, so the test neither confirms nor clearly refutes this assumption. Five values are too "
-    "few for a conclusive test. The standard error of a share is up to 7 %. The two smallest values have shares of 12 "
-    "to 17 %. The largest value, which an owner states for a drive with an unknown coupling, is above all "
+    "few for a conclusive test. The standard error of a share is up to 7 %. The two smallest values have shares of "
+    "12 to 17 %. The largest value, which an owner states for a drive with an unknown coupling, is above all "
     "samples.\n\nThe prior assumes that the teeth of half of the wheels are fine ([unknown "
-    "inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share: each value has one "
-    "probability density if the teeth of both wheels are fine, and another if the teeth of neither wheel are. With a "
-    "uniform prior of the share, its posterior mean and standard deviation are given below the first table. The "
-    "standard error of a published value is assumed to be 15 %, and with a probability of 2 % the value belongs to a "
-    "drive of neither kind. Five values hardly narrow the share, so it remains an assumption."
+    "inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share. Each value has one "
+    "probability density if the teeth of both wheels are fine. It has another if the teeth of neither wheel are. "
+    "With a uniform prior of the share, its posterior mean and standard deviation are given below the first table. "
+    "The standard error of a published value is assumed to be 15 %, and with a probability of 2 % the value belongs "
+    "to a drive of neither kind. Five values hardly narrow the share, so it remains an assumption."
 )
 
 

@@ -67,6 +67,8 @@ _STEP_SIGMAS = 8.0  # number of robust standard deviations of the differences th
 # smallest step that the evidence may show, as a share of the range of the fitted curve: a smaller one hardly matters,
 # and in computed recordings without noise, missing waves are evidence
 _SMALLEST_STEP = 0.02
+# smallest share of the size of a step by the evidence that the fit of the measurement, which has other waves, confirms
+_CONFIRMED_SHARE = 0.5
 # Smallest step of the residuals, as a share of the range of the fitted curve. A smaller step counts as noise.
 _STEP_RANGE_SHARE = 0.1
 _MOST_BREAKS = 3  # maximum number of removed steps; if there are more, the test rig or the drive is at fault
@@ -374,7 +376,10 @@ def _evident_step(
     fit: TraceFit,
     ratio: float,
 ) -> _Step | None:
-    """Return the step of which the readings are evidence, or None.
+    """Return the step of which the readings are evidence and which the fit confirms, or None.
+
+    Waves that the model of the evidence lacks resemble a step. They are others than those that the fit lacks, so the
+    sizes of such a step differ.
 
     ratio: input revolutions per output revolution.
     """
@@ -389,7 +394,12 @@ def _evident_step(
     # bins ascend with the angle, rows with time
     border = float(bins.turns[step.first - 1] + bins.turns[step.first]) / 2
     is_after = sweep.direction * (trace.cam_deg[sweep.rows] / 360 - border) >= 0
-    return _Step(row=sweep.start + int(is_after.argmax()), size=sweep.direction * step.size_arcsec)
+    row = sweep.start + int(is_after.argmax())
+    size = sweep.direction * step.size_arcsec
+    fitted_size = _fitted_step(trace, fit, row)
+    if fitted_size is None or fitted_size / size < _CONFIRMED_SHARE:
+        return None
+    return _Step(row=row, size=size)
 
 
 def _large_step(trace: MeasuredTrace, fit: TraceFit) -> _Step | None:
