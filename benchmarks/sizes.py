@@ -7,6 +7,8 @@ periods per input revolution and j per output revolution. They give the profiles
 - order: size of order k with its sidebands over the rms of the error;
 - sideband: size of the pair (k, +-j) over the size of its order, for orders with more than 5 % of the error;
 - other_wheel: size of the pair (k, +-k) over the size of its order;
+- beside_other_wheel: size of the pairs (k, +-k +- 1) of even orders over the size of the order, beyond the usual
+  sidebands, and for the one of the two signs of k that the waves of the other wheel have;
 - output: size of (0, j) over the size of all waves of the output;
 - rest: rms of the waves that the model omits over the rms of its waves from order 12 on, and their contribution to the
   range over their rms, by the highest order of the model. The logarithm of the first value, and the second value, are
@@ -29,7 +31,7 @@ import numpy as np
 
 from benchmarks.honesty import hidden_drive
 from hdassist.drive.model.geometry import Array
-from hdassist.recording.waves import wave_pairs
+from hdassist.recording.waves import USUAL_SIDEBANDS, wave_pairs
 
 FLOOR = 0.02  # smallest size in a profile
 CLEAR = 0.05  # smallest size of an order whose sidebands count, over the rms of the error
@@ -82,6 +84,7 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
     sideband: list[list[float]] = [[] for _ in range(SIDEBANDS)]
     output: list[list[float]] = [[] for _ in range(SIDEBANDS)]
     other_wheel = list[float]()
+    beside_other_wheel = list[float]()
     for ratio, error in cycles:
         sizes = wave_sizes(ratio, error)
         total = float(np.std(error)) * np.sqrt(2)
@@ -100,10 +103,15 @@ def profiles(cycles: Sequence[tuple[int, Array]]) -> dict[str, list[float]]:
                     sideband[j - 1] += [own[j] / together, own[-j] / together]
             if 2 * k < ratio:
                 other_wheel += [own[k] / together, own[-k] / together]
+            if k % 2 == 0 and 2 * k + 2 < ratio:
+                beside = [j for j in (k - 1, k + 1) if j > USUAL_SIDEBANDS]
+                sign = 1 if own[k] > own[-k] else -1
+                beside_other_wheel += [own[sign * j] / together for j in beside]
     return {
         "order": [SLOW, *(rms(each) for each in order[1:])],
         "sideband": [CAUTION * rms(each) for each in sideband],
         "other_wheel": [rms(other_wheel)],
+        "beside_other_wheel": [CAUTION * rms(beside_other_wheel)],
         "output": [rms(each) for each in output],
     }
 

@@ -37,6 +37,7 @@ from hdassist.recording.components import (
 )
 from hdassist.recording.noise import NoiseMemory, memory_of
 from hdassist.recording.positions import OrderedReadings
+from hdassist.recording.sizes import fine_size
 from hdassist.recording.waves import (
     block_means,
     block_starts,
@@ -83,10 +84,11 @@ class BlockModel:
         self.place_rev = block_means(readings.place_rev, starts)
         self.path_rev = block_means(readings.path_rev, starts)
         self.blocks_per_rev = _blocks_per_rev(self.place_rev, self.run)
+        all_pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
         if pairs is None:
-            usual_pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
-            pairs = distinct_pairs(usual_pairs, self.place_rev, readings.cycle)
+            pairs = distinct_pairs(all_pairs, self.place_rev, readings.cycle)
         self.pairs = pairs
+        self.image_share = _image_share(all_pairs, pairs)
         self.waves = 2 * len(self.pairs)
         self.degree = drift_degree
         self.slow_end = self.waves + self.runs * (1 + drift_degree)
@@ -266,6 +268,16 @@ def _mean_square(errors: Array, levels: Array) -> float:
     """
     offsets = np.linalg.lstsq(levels, errors, rcond=None)[0]
     return float(np.var(errors - levels @ offsets)) or float(np.var(errors)) or 1e-12
+
+
+def _image_share(all_pairs: _Indices, pairs: _Indices) -> float:
+    """Return the usual rms of the waves that the readings show as lower waves, over that of the fine waves of a model.
+
+    all_pairs: waves (k, j) of the cycle, shape (waves, 2).
+    pairs: waves of the model, shape (waves, 2).
+    """
+    images = all_pairs[_places_of(all_pairs, pairs) < 0]
+    return fine_size(images) / fine_size(pairs)
 
 
 def _places_of(pairs: _Indices, others: _Indices) -> _Indices:

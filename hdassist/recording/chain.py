@@ -46,6 +46,8 @@ from hdassist.run.errors import Fault, UntrustedError
 _Indices = NDArray[np.int64]
 # effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width
 ENOUGH_SAMPLES = 100.0
+# effective sample size of the kept draws alone, from which the results follow; its estimate may be much lower
+_ENOUGH_KEPT = 60.0
 MOST_DRAWS = 1200
 BATCH = 40  # number of draws between two computations of the effective sample size
 _NOISE_STEPS = 3  # iterations for the variance of the noise with the usual sizes
@@ -86,6 +88,7 @@ class DrawnRanges:
         self._batches: list[CurveExtremes] = []
         self._draws = 0
         self._effective = 0.0
+        self._kept_effective = 0.0
 
     def add(self, curves: Array, is_visited: NDArray[np.bool_]) -> None:
         """Add a batch of curves.
@@ -96,20 +99,23 @@ class DrawnRanges:
         self._batches.append(curve_extremes(curves, is_visited))
         self._draws += len(curves)
         joined = CurveExtremes.joined(self._batches)
-        self._effective = min(
-            effective_samples(joined.range_arcsec[self._burnt :]),
-            effective_samples(joined.visited_range_arcsec[self._burnt :]),
-        )
+        self._effective = _least_effective(joined.chosen(slice(self._burnt, None)))
+        self._kept_effective = _least_effective(joined.chosen(self._kept))
 
     @property
     def is_enough(self) -> bool:
         """Whether the effective sample size is sufficient."""
-        return self._effective >= ENOUGH_SAMPLES
+        return self._effective >= ENOUGH_SAMPLES and self._kept_effective >= _ENOUGH_KEPT
 
     @property
     def _burnt(self) -> int:
         """The number of draws that are discarded as burn-in."""
         return int(_BURN_SHARE * self._draws)
+
+    @property
+    def _kept(self) -> slice:
+        """The draws of the result: after the burn-in, and evenly spaced."""
+        return slice(self._burnt, None, max(1, (self._draws - self._burnt) // _KEPT_DRAWS))
 
     def chain(self, coefficients: Array, sigma_arcsec: Array) -> Chain:
         """Return the chain with the draws after the burn-in.
@@ -117,7 +123,7 @@ class DrawnRanges:
         coefficients: coefficients of all draws [arcsec], shape (draws, columns).
         sigma_arcsec: white part of the noise of a block of all draws, shape (draws,).
         """
-        kept = slice(self._burnt, None, max(1, (self._draws - self._burnt) // _KEPT_DRAWS))
+        kept = self._kept
         return Chain(
             coefficients=coefficients[kept],
             sigma_arcsec=sigma_arcsec[kept],
@@ -276,6 +282,11 @@ def coherent_groups(gram: Array) -> list[_Indices]:
         else:
             merged.append(columns)
     return merged
+
+
+def _least_effective(extremes: CurveExtremes) -> float:
+    """Return the smaller effective sample size of the ranges over the cycle and over the covered points."""
+    return min(effective_samples(extremes.range_arcsec), effective_samples(extremes.visited_range_arcsec))
 
 
 def effective_samples(values: Array) -> float:

@@ -7,8 +7,9 @@ one range. Two ranges are needed, one for each end of the interval:
     seen  = min(range over covered positions + min(rest, 0) + flank - 2 excess, range of the readings).        (R13)
 
 - rest: the contribution of waves beyond the model to the range, c u. The rms u of such waves follows from the fine
-  waves of the model, and c from solved drives (see sizes); u is at most the rms of the residuals. `seen` excludes
-  positive contributions.
+  waves of the model, and c from solved drives (see sizes). The part of u due to waves that are not in (R2) is at most
+  the rms of the residuals. The other part is due to high orders that the readings show as lower ones. Its size relative
+  to the fine waves of the model is that of the profile. `seen` excludes positive contributions.
 - lines: the amplitudes of lines outside the orders. In another cycle their peaks may coincide with those of the curve;
   `seen` includes them with the recorded phases.
 - excess: noise makes the range of a sample larger than that of the true curve. The excess is the mean range of the
@@ -337,4 +338,7 @@ def _rest(posterior: AmplitudePosterior, seed: int) -> Array:
     draws = len(fine)
     size = profile.size * np.exp(profile.size_log_sigma * rng.standard_normal(draws)) * fine
     added = profile.added + profile.added_sigma * rng.standard_normal(draws)
-    return np.asarray(np.minimum(size, posterior.noise_rms) * added)
+    beyond = np.minimum(size, posterior.noise_rms)
+    # the readings show these waves at other orders, so they are not noise
+    images = posterior.image_share * fine
+    return np.asarray(np.hypot(beyond, images) * added)

@@ -61,6 +61,7 @@ class AmplitudePosterior:
     block_run: number of the run of each block, shape (blocks,).
     block_residual: block mean minus the mean curve [arcsec], shape (blocks,).
     effective: effective sample size of the range over the cycle or over the covered positions, whichever is smaller.
+    image_share: usual rms of the waves that the readings show as lower waves, over that of the fine waves.
     """
 
     pairs: _Indices
@@ -79,6 +80,7 @@ class AmplitudePosterior:
     block_run: _Indices
     block_residual: Array
     effective: float
+    image_share: float
 
     @property
     def noise_rms(self) -> Array:
@@ -271,4 +273,5 @@ def _result(
         block_run=model.run,
         block_residual=readings.flipped * model.residual(mean),
         effective=chain.effective,
+        image_share=model.image_share,
     )

@@ -41,6 +41,8 @@ ORDER_PROFILE: tuple[float, ...] = tuple(_PROFILES["order"])
 # of solved drives, which is a cautious assumption.
 SIDEBAND_PROFILE: tuple[float, ...] = tuple(_PROFILES["sideband"])
 _OTHER_WHEEL: float = _PROFILES["other_wheel"][0]  # size of the waves (k, +-k), relative to their order
+# size of the waves (k, +-k +- 1) of even orders, relative to their order; twice that of solved drives, like the others
+_BESIDE_OTHER_WHEEL: float = _PROFILES["beside_other_wheel"][0]
 OUTPUT_PROFILE: tuple[float, ...] = tuple(_PROFILES["output"])  # size of the waves (0, j), by j = 1, 2, ...
 # Waves beyond the pairs: their rms relative to that of the fine waves (orders from 12), and their contribution to the
 # range relative to their rms. The contribution is nearly always positive, because the largest value is selected among
@@ -112,9 +114,23 @@ def wave_profile(pairs: _Indices) -> tuple[Array, Array]:
             waves[number] = OUTPUT_PROFILE[min(sideband, len(OUTPUT_PROFILE)) - 1]
         elif sideband == order:
             waves[number] = _OTHER_WHEEL
+        elif order % 2 == 0 and sideband > USUAL_SIDEBANDS and step == 1:
+            waves[number] = _BESIDE_OTHER_WHEEL
         else:
             waves[number] = SIDEBAND_PROFILE[min(step, len(SIDEBAND_PROFILE)) - 1]
     return orders, waves
+
+
+def fine_size(pairs: _Indices) -> float:
+    """Return the usual rms of the fine waves among pairs, relative to the rms of the error.
+
+    pairs: waves (k, j), shape (waves, 2).
+    """
+    if not len(pairs):
+        return 0.0
+    orders, waves = wave_profile(pairs)
+    is_fine = pairs[:, 0] >= FINE_ORDER
+    return float(np.sqrt(np.sum((orders[pairs[:, 0]] * waves)[is_fine] ** 2)))
 
 
 @dataclass(eq=False)
