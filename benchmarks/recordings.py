@@ -31,6 +31,7 @@ import numpy as np
 
 from benchmarks.sizes import solved_cycle
 from hdassist.drive.model.geometry import Array
+from hdassist.features.acceptance.accept import covered_cycle
 from hdassist.features.acceptance.decision import AcceptedValue, CoveredCycle, decide
 from hdassist.features.acceptance.limits import F_IOR, Limit
 from hdassist.features.measuring.full_cycle import with_full_cycle
@@ -231,7 +232,7 @@ def measured_figure(rng: np.random.Generator, recording: Recording, kind: str) -
     direction = result.greatest
     if direction.by_model is None and direction.is_bound:
         return None
-    cycle = CoveredCycle.of(direction, recording.ratio) if direction.by_model else None
+    cycle = covered_cycle(Limit(F_IOR.code, 1.0, 1.0), result, direction)
     return MeasuredFigure(interval_arcsec=direction.interval_arcsec, direction=direction, cycle=cycle)
 
 

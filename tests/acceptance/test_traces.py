@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -179,6 +181,16 @@ def test_full_cycle_fails_by_the_lower_end_of_its_model():
     limits = at_least - 0.01, at_least + 0.01
     found = [accept(small(f"F_ior@4={limit!r}"), measured, measured_only=True).verdict for limit in limits]
     assert found == ["FAIL", "INCONCLUSIVE"]
+
+
+def test_full_cycle_without_an_upper_end_does_not_pass():
+    result = with_full_cycle(measure(rig(CYCLE), drive=small(), stated=NOTHING))
+    (direction,) = result.directions
+    few = replace(result, directions=(replace(direction, full_cycle="the model has too few effective samples"),))
+    (check,) = accept(small("F_ior@4=1000"), {4.0: few}, measured_only=True).checks
+    assert (check.verdict, check.reason) == ("INCONCLUSIVE", "the model has too few effective samples")
+    (check,) = accept(small("F_ior@4=1"), {4.0: few}, measured_only=True).checks
+    assert check.verdict == "FAIL"
 
 
 def there_and_back_to(last):

@@ -31,7 +31,7 @@ from hdassist.features.acceptance.decision import AcceptedValue, CoveredCycle, D
 from hdassist.features.acceptance.limits import F_IOR, Limit, limits_of
 from hdassist.features.acceptance.request import Inputs, LotRow, Request
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
-from hdassist.features.measuring.full_cycle import with_full_cycle
+from hdassist.features.measuring.full_cycle import reason_outside, with_full_cycle
 from hdassist.features.measuring.measure import Measurement, SweepResult
 from hdassist.readers.table import NO_UNIT
 from hdassist.run.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
@@ -148,7 +148,7 @@ def _measured_values(limit: Limit, inputs: Inputs) -> list[AcceptedValue]:
     if measurement.trace.is_between_torques:
         return [AcceptedValue.between_torques()]
     by_direction = [
-        AcceptedValue.measured(limit, direction, _covered_cycle(limit, measurement, direction))
+        AcceptedValue.measured(limit, direction, covered_cycle(limit, measurement, direction))
         for direction in measurement.directions
     ]
     values = [value for value in by_direction if value.value is not None]
@@ -202,20 +202,22 @@ def _trace_records(inputs: Inputs) -> list[TraceRecord]:
     return records
 
 
-def _covered_cycle(
+def covered_cycle(
     limit: Limit,
     measurement: Measurement,
     direction: SweepResult,
 ) -> CoveredCycle | None:
     """Return the coverage of the full cycle by a direction, for a limit of F'_ior.
 
-    The result is None if the cycle is unknown, or if the direction covers all of it but has no model.
+    The result is None if the cycle is unknown, or if the direction covers all of it and the model does not apply. If
+    the model applies but gives no upper end, the drive cannot pass by the fitted orders, which omit waves of its teeth.
     """
     # other checks do not distinguish parts of the cycle
     if limit.check is not F_IOR or measurement.gearing is None:
         return None
-    # a text states why the model is not available
-    if isinstance(direction.full_cycle, str) and not direction.is_bound:
+    # a text states why the model gives no result
+    has_no_model = isinstance(direction.full_cycle, str) and reason_outside(measurement, direction)
+    if has_no_model and not direction.is_bound:
         return None
     return CoveredCycle.of(direction, measurement.gearing.ratio)
 

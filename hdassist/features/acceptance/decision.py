@@ -759,7 +759,10 @@ def _why_within_guard(
     guard: guard band of the value.
     is_strict: whether the guard rule applies.
     """
-    at_most = accepted.full_cycle.at_most if accepted.full_cycle else None
+    cycle = accepted.full_cycle
+    at_most = cycle.at_most if cycle else None
+    if is_strict and cycle and at_most is None:
+        return cycle.why_open
     if is_strict and at_most is not None:
         return _MAY_BE.format(at_most) if room < at_most - (accepted.value or 0.0) else ""
     rise = accepted.rise if is_strict else 0.0
