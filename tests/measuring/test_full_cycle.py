@@ -9,7 +9,9 @@ import pytest
 from hdassist.features.measuring.full_cycle import cleaned_recording, full_cycle, reason_outside, with_full_cycle
 from hdassist.features.measuring.measure import measure
 from hdassist.features.measuring.orders import FullCycle
+from hdassist.interface.pages.measure import measure_report
 from hdassist.readers.trace import read_trace
+from tests.helpers.paper import facts_of
 from tests.helpers.process import run
 
 RATIO, PER_TURN = 30, 40
@@ -160,3 +162,22 @@ def test_json_has_the_interval_or_the_reason(tmp_path):
         assert found["full_cycle_missing"] is None
     assert short["full_cycle"] is None
     assert short["full_cycle_missing"]
+
+
+@pytest.mark.thorough
+def test_orders_with_the_same_readings_are_both_named():
+    turns = np.arange(20 * RATIO) / 20  # 20 readings per input revolution
+
+    def with_order(order, at):
+        return 9 * np.cos(4 * np.pi * at) + 8 * np.cos(2 * np.pi * order * at)
+
+    # the readings cannot decide, whatever the model is
+    np.testing.assert_allclose(with_order(15, turns), with_order(5, turns), atol=1e-9)
+    result = with_full_cycle(measured(turns, with_order(15, turns)))
+    high = result.directions[0].interval_arcsec[1]
+    fine = np.arange(0, 1, 1 / 2000)
+    assert high > max(float(np.ptp(with_order(order, fine))) for order in (5, 15))
+    facts = facts_of(measure_report(result, None))
+    assert "order 5 may be order 15, with the same readings" in facts["images"]
+    finer = with_full_cycle(measured(turns / 2, with_order(15, turns / 2)))
+    assert "images" not in facts_of(measure_report(finer, None))

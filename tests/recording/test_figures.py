@@ -113,16 +113,6 @@ def recorded(curve, readings, sigma, span=RATIO, seed=0):
 
 
 @pytest.mark.thorough
-@pytest.mark.xfail(strict=True, reason="the chain stays with order 5: the upper end is 2 % below the true range")
-def test_upper_end_contains_an_order_seen_as_a_lower_one():
-    def fine(turns):
-        return 9 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * 15 * turns)
-
-    true = float(np.ptp(fine(np.arange(0, 1, 1 / 2000))))
-    assert recorded(fine, readings=int(20 * RATIO), sigma=0.3).interval_arcsec[1] > true
-
-
-@pytest.mark.thorough
 def test_orders_that_coarse_readings_hide_stay_open():
     def fine(turns):
         return 9 * np.cos(4 * np.pi * turns) + 8 * np.cos(2 * np.pi * 15 * turns)

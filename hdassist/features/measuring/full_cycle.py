@@ -36,7 +36,7 @@ import numpy as np
 
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
 from hdassist.features.measuring.measure import Measurement, SweepResult
-from hdassist.features.measuring.orders import SCATTER, FullCycle, combined
+from hdassist.features.measuring.orders import SCATTER, FullCycle, combined, image_change
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording, posteriors_of_directions
@@ -185,12 +185,15 @@ def _full_cycle_of(
     if high < sweep.range.value:
         return "the model of the full cycle contradicts the range of the recorded part"
     with_lines = sweep.range.value + _rise_by_lines(sweep, posterior)
+    # the chain of the model stays with the lower one of two orders that the readings do not distinguish
+    with_images = sweep.range.value + image_change(sweep.fit, sweep.grid_turns, is_likely=True)
+    least_end = max(with_lines, with_images)
     return FullCycle(
         value_arcsec=figure.median_seen_arcsec if sweep.is_bound else figure.median_recorded_arcsec,
-        interval_arcsec=(low, max(high, with_lines)),
+        interval_arcsec=(low, max(high, least_end)),
         standard_uncertainty_arcsec=ends.part_uncertainty_arcsec if sweep.is_bound else ends.cycle_uncertainty_arcsec,
         at_least_arcsec=at_least,
-        at_most_arcsec=max(ends.at_most_arcsec, with_lines) if _is_enough_to_pass(sweep) else None,
+        at_most_arcsec=max(ends.at_most_arcsec, least_end) if _is_enough_to_pass(sweep) else None,
         record_next_rev=part_to_record(posterior),
         effective_samples=figure.whole_effective,
     )

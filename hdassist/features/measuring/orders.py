@@ -31,6 +31,8 @@ from hdassist.drive.preset.fields import Drive
 from hdassist.features.measuring.fit import COVERAGE_FACTOR, EVEN, OrderIndices, TraceFit, distance, even_readings
 from hdassist.features.measuring.terms import DESIGN_CHUNK, SlowTerms, curve_of, order_columns
 from hdassist.readers.trace import MeasuredTrace
+from hdassist.recording.sizes import ORDER_PROFILE
+from hdassist.recording.waves import ALWAYS_ORDER
 from hdassist.run.errors import UsageError
 from hdassist.run.files import number_of
 
@@ -94,6 +96,9 @@ _SLOPE_DRAWS = 60  # draws of the bootstrap for a slope
 _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power of each order
 # highest order per input revolution that may appear as a lower one; ball-pass orders lie below it
 _HIGHEST_IMAGE = 30.0
+# Largest number of periods by which an order and its image may differ over the recording; then the readings agree
+_SAME_IMAGE = 0.5
+_LIKELY_IMAGE = 1 / 3  # smallest usual size of an image that may be the cause, relative to that of the lower order
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
 # smallest amplitude of a sideband that is evidence of another ratio, as a share of the largest
 _LEAST_SIDEBAND_SHARE = 0.05
@@ -769,19 +774,27 @@ def _spread(fit: TraceFit, turns: Array) -> Array:
     return np.concatenate(spreads)
 
 
-def image_change(fit: TraceFit, turns: Array) -> float:
+def image_change(
+    fit: TraceFit,
+    turns: Array,
+    *,
+    is_likely: bool = False,
+) -> float:
     """Return the largest change of a range [arcsec] if fitted orders are images of higher ones.
 
     With N evenly spaced readings per revolution, order N - n appears as order n. Each declared order with its
     sidebands, and all of them together, are replaced by their images up to _HIGHEST_IMAGE.
 
     turns: covered input angles [revolutions], shape (angles,).
+    is_likely: whether only images with a usual size comparable to that of the order are considered.
     """
     # at even angles, an order and `rate` minus that order have the same readings
     rate, start, evenness = even_readings(fit.bins)
     declared = np.rint(fit.orders)
     # a declared order is hidden with all of its sidebands or not at all
     is_hidden = (rate - declared > declared) & (rate - declared <= _HIGHEST_IMAGE)
+    if is_likely:
+        is_hidden &= np.array([likely_image(fit, order) is not None for order in declared.tolist()])
     if evenness < EVEN or not is_hidden.any():
         return 0.0
     turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images need a finer grid
@@ -798,6 +811,24 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     phase = 2 * np.pi * rate * turns[:, None]
     ranges = np.ptp(np.cos(phase) * real + np.sin(phase) * imaginary + remaining, axis=0)
     return float(np.abs(ranges - np.ptp(fitted)).max())
+
+
+def likely_image(fit: TraceFit, order: float) -> int | None:
+    """Return the higher order that the readings and the usual sizes do not distinguish from a fitted order, or None.
+
+    N evenly spaced readings per revolution do not distinguish order n from order N - n. Only an order up to 16, and of
+    a usual size that is comparable, is likely.
+
+    order: fitted order per input revolution.
+    """
+    rate, _, evenness = even_readings(fit.bins)
+    readings = round(rate)
+    lower = round(order)
+    image = readings - lower
+    is_same = evenness >= EVEN and abs(rate - readings) * fit.bins.span < _SAME_IMAGE
+    if not is_same or not 0 < lower < image <= ALWAYS_ORDER:
+        return None
+    return image if ORDER_PROFILE[image] >= _LIKELY_IMAGE * ORDER_PROFILE[lower] else None
 
 
 def _replaced_curves(

@@ -34,6 +34,7 @@ from hdassist.features.measuring.orders import (
     Gearing,
     MeasuredOrder,
     UncertaintySource,
+    likely_image,
 )
 from hdassist.features.measuring.slopes import RecordedTorque, Reversal
 from hdassist.features.report import (
@@ -55,11 +56,13 @@ from hdassist.features.report import (
 )
 from hdassist.interface.pages.curves import curve_of_turns, slope_words
 from hdassist.interface.terminal.words import again
+from hdassist.recording.waves import ALWAYS_ORDER
 from hdassist.run.files import STDIN
 from hdassist.run.system import command_line
 
 _NAMED_SLOW = 0.1  # smallest size of the slow terms that a line on the page names, as a share of F'_ior
 _LISTED_ORDERS = 12  # number of orders in the table, chosen by amplitude
+_NAMED_IMAGE = 0.1  # smallest order that may be a higher one and is named, as a share of the largest order
 _NAMED_ORDERS = 3  # number of orders that a line on the page names, chosen by amplitude
 _DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
@@ -237,6 +240,7 @@ def _facts(
     first_sweep = result.directions[0]
     file = result.trace.file
     yield "orders", _orders_words(first_sweep)
+    yield "images", _image_words(first_sweep)
     yield "slow", _slow(first_sweep)
     if speed and (slope := result.slope_arcsec_per_deg):
         yield "slope", slope_words(*slope, speed, is_least=first_sweep.is_scale_bound)
@@ -284,6 +288,25 @@ def _orders_words(found: SweepResult) -> str:
         return f"{', '.join(named)}; amplitudes in this recording, sidebands included"
     brackets = " (without)" if any("(" in text for text in named) else ""
     return f"{', '.join(named)}; amplitudes with{brackets} sidebands, k = {COVERAGE_FACTOR:g}"
+
+
+def _image_words(found: SweepResult) -> str:
+    """Return the orders of a direction that may be higher ones with the same readings, as text; empty if none."""
+    if not found.orders_of_cam:
+        return ""
+    largest = max(order.amplitude_arcsec for order in found.orders_of_cam)
+    images = {
+        order.per_cam_rev: likely_image(found.fit, order.per_cam_rev)
+        for order in found.orders_of_cam
+        if order.amplitude_arcsec >= _NAMED_IMAGE * largest
+    }
+    named = [f"order {order:g} may be order {image}" for order, image in images.items() if image]
+    if not named:
+        return ""
+    return (
+        f"{', '.join(named)}, with the same readings. More than {2 * ALWAYS_ORDER} readings per input revolution, or "
+        "uneven angles, distinguish them"
+    )
 
 
 def _line_facts(found: SweepResult) -> Iterator[Fact]:
