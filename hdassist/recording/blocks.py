@@ -84,11 +84,7 @@ class BlockModel:
         self.place_rev = block_means(readings.place_rev, starts)
         self.path_rev = block_means(readings.path_rev, starts)
         self.blocks_per_rev = _blocks_per_rev(self.place_rev, self.run)
-        all_pairs = wave_pairs(readings.cycle, self.blocks_per_rev, more_sidebands, components.pairs)
-        if pairs is None:
-            pairs = distinct_pairs(all_pairs, self.place_rev, readings.cycle)
-        self.pairs = pairs
-        self.image_share = _image_share(all_pairs, pairs)
+        self._set_pairs(pairs)
         self.waves = 2 * len(self.pairs)
         self.degree = drift_degree
         self.slow_end = self.waves + self.runs * (1 + drift_degree)
@@ -96,6 +92,15 @@ class BlockModel:
         other_columns = self._other_columns(readings, starts)
         self._set_design(readings, starts, other_columns, smaller)
         self.mean_square = _mean_square(self.errors, other_columns[:, : self.runs])
+
+    def _set_pairs(self, pairs: _Indices | None) -> None:
+        """Set the waves, and the usual size of those that the readings show as lower ones.
+
+        pairs: waves (k, j), shape (waves, 2), None for those of the cycle that the readings distinguish.
+        """
+        all_pairs = wave_pairs(self.cycle, self.blocks_per_rev, self.more_sidebands, self.components.pairs)
+        self.pairs = distinct_pairs(all_pairs, self.place_rev, self.cycle) if pairs is None else pairs
+        self.image_share = _image_share(all_pairs, self.pairs)
 
     def _other_columns(self, readings: OrderedReadings, starts: _Indices) -> Array:
         """Return the columns of levels, drifts and lines, shape (blocks, columns).
