@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hdassist.features.acceptance.accept import covered_cycle
 from hdassist.features.acceptance.answer import answer_json
 from hdassist.features.acceptance.decision import GUARD
 from hdassist.features.acceptance.limits import limits_of
@@ -209,6 +210,24 @@ def test_a_long_part_in_one_direction_must_pass_too():
         assert accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True).verdict == verdict
     between = accept(small(f"F_ior@4={0.5 * sum(ends)!r}"), {4.0: measured}, measured_only=True)
     assert between.verdict == "INCONCLUSIVE"
+
+
+@pytest.mark.thorough
+def test_two_halves_are_no_part_and_a_direction_is_named_to_record_next():
+    x = np.concatenate([np.arange(CYCLE // 2 * RATE), np.arange(CYCLE * RATE, CYCLE // 2 * RATE, -1)]) / RATE
+    error = CURVE(x) + 0.2 * np.random.default_rng(4).standard_normal(len(x))
+    halves = with_full_cycle(measure(recorded(x, error), drive=small(), stated=NOTHING))
+    limit = 0.5 * sum(max(each.full_cycle.interval_arcsec[end] for each in halves.directions) for end in (0, 1))
+    together = accept(small(f"F_ior@4={limit!r}"), {4.0: halves}, measured_only=True)
+    assert together.verdict == "INCONCLUSIVE"
+    assert "COVERAGE" not in [note.code for note in together.remarks]
+    back = next(each for each in halves.directions if each.direction == -1)
+    back = replace(back, full_cycle=replace(back.full_cycle, record_next_rev=(CYCLE / 6, CYCLE / 3)))
+    cycle = covered_cycle(limits_of(small("F_ior@4=24"))[0], halves, back)
+    assert cycle.advice == "; to narrow it, record the decreasing direction over 60 to 120° of the output"
+    # a limit that each direction must meet by its own readings
+    alone = accept(small(f"F_ior@4={limit!r}", "turn_range@4=50"), {4.0: halves}, measured_only=True)
+    assert "COVERAGE" in [note.code for note in alone.remarks]
 
 
 @pytest.mark.thorough

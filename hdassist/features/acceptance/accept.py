@@ -31,7 +31,7 @@ from hdassist.features.acceptance.decision import AcceptedValue, CoveredCycle, D
 from hdassist.features.acceptance.limits import F_IOR, Limit, limits_of
 from hdassist.features.acceptance.request import Inputs, LotRow, Request
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
-from hdassist.features.measuring.full_cycle import reason_outside, with_full_cycle
+from hdassist.features.measuring.full_cycle import is_covered_together, reason_outside, with_full_cycle
 from hdassist.features.measuring.measure import Measurement, SweepResult
 from hdassist.readers.table import NO_UNIT
 from hdassist.run.errors import GUARD, SEVERITY, DataError, HdassistError, UsageError, Verdict, worst
@@ -219,7 +219,8 @@ def covered_cycle(
     has_no_model = isinstance(direction.full_cycle, str) and reason_outside(measurement, direction)
     if has_no_model and not direction.is_bound:
         return None
-    return CoveredCycle.of(direction, measurement.gearing.ratio)
+    is_one_of_two = {sweep.direction for sweep in measurement.directions} == {1, -1}
+    return CoveredCycle.of(direction, measurement.gearing.ratio, is_one_of_two=is_one_of_two)
 
 
 def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCheck:
@@ -256,7 +257,10 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
     for M_g, measurement in inputs.measurements.items():
         place = f"{measurement.trace.file}, {M_g:g} N*m"
         directions = measurement.directions
-        if any(decision.M_g_Nm == M_g and _is_by_a_part(decision) for decision in decisions):
+        by_a_part = [decision for decision in decisions if decision.M_g_Nm == M_g and _is_by_a_part(decision)]
+        # the model of both directions describes the whole cycle, but only for F'_ior
+        is_whole = all(decision.code == F_IOR.code for decision in by_a_part) and is_covered_together(measurement)
+        if by_a_part and not is_whole:
             yield Note("COVERAGE", f"{place}: {_coverage_text(directions)}")
         # sources of uncertainty that a recording cannot show are unknown
         unstated = [source.name for source in directions[0].sources if source.arcsec is None]

@@ -45,7 +45,7 @@ from hdassist.features.design import DesignCheck, OperatingPoint
 from hdassist.features.measuring.bench import SeenRange
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
 from hdassist.features.measuring.full_cycle import LEAST_SHARE_OF_PASS
-from hdassist.features.measuring.measure import SweepResult
+from hdassist.features.measuring.measure import DIRECTION_NAMES, SweepResult
 from hdassist.features.measuring.orders import FullCycle, UncertaintySource, combined
 from hdassist.run.errors import GUARD, SURE, UsageError, Verdict
 from hdassist.run.files import number_of, with_decimal_points
@@ -385,6 +385,8 @@ class CoveredCycle(ClosedRecord):
     interval: 95 % interval of F'_ior of the full cycle [arcsec], as given by `measure`; None if the model does not
     apply.
     at_least: largest limit that F'_ior exceeds with a probability of 95 % [arcsec]; None if the model does not apply.
+    record_direction: direction to record next, "increasing" or "decreasing" input angle; empty if only one direction
+    was recorded.
     """
 
     share: float
@@ -393,13 +395,21 @@ class CoveredCycle(ClosedRecord):
     why_open: str = ""
     interval: tuple[float, float] | None = None
     at_least: float | None = None
+    record_direction: str = ""
 
     @classmethod
-    def of(cls, sweep: SweepResult, ratio: float) -> CoveredCycle:
+    def of(
+        cls,
+        sweep: SweepResult,
+        ratio: float,
+        *,
+        is_one_of_two: bool = False,
+    ) -> CoveredCycle:
         """Return the coverage of a direction of a measurement.
 
         sweep: direction with its full cycle.
         ratio: input revolutions per output revolution.
+        is_one_of_two: whether the measurement has two directions.
         """
         share = sweep.coverage.share if sweep.coverage else 0.0
         cycle = sweep.full_cycle
@@ -422,6 +432,7 @@ class CoveredCycle(ClosedRecord):
             why_open=why,
             interval=cycle.interval_arcsec,
             at_least=cycle.at_least_arcsec,
+            record_direction=DIRECTION_NAMES[sweep.direction] if is_one_of_two and next_deg else "",
         )
 
     @property
@@ -429,6 +440,10 @@ class CoveredCycle(ClosedRecord):
         """The part of the cycle to record next, as a clause; empty if it is unknown."""
         if self.record_next_deg is None:
             return ""
+        if self.record_direction:
+            return "; to narrow it, record the {} direction over {:.0f} to {:.0f}° of the output".format(
+                self.record_direction, *self.record_next_deg
+            )
         return "; to narrow it, record the output from {:.0f} to {:.0f}°".format(*self.record_next_deg)
 
 

@@ -36,7 +36,7 @@ import numpy as np
 
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
 from hdassist.features.measuring.measure import Measurement, SweepResult
-from hdassist.features.measuring.orders import SCATTER, FullCycle, combined, image_change
+from hdassist.features.measuring.orders import FULL_SHARE, SCATTER, FullCycle, combined, image_change
 from hdassist.recording.figures import RangeFigure, part_to_record, range_figure
 from hdassist.recording.positions import Recording, recording_from_columns
 from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording, posteriors_of_directions
@@ -53,6 +53,7 @@ _LINE_IS_WAVE = 0.5
 _READINGS_AT_ONCE = 2000  # number of readings whose phases are in memory at a time
 # gap between readings from which the recording is interrupted, and may continue with another level [input rev]
 _INTERRUPTION_REV = 0.5
+_CELLS_PER_REV = 8  # cells of an input revolution that both directions together must cover
 _PAUSE = 1e6  # pause between two levels, in rows, which makes each level a separate run
 
 
@@ -124,6 +125,16 @@ def is_joint(result: Measurement) -> bool:
     if {sweep.direction for sweep in result.directions} != {1, -1}:
         return False
     return not any(reason_outside(result, sweep) for sweep in result.directions) and _is_same_torque(result)
+
+
+def is_covered_together(result: Measurement) -> bool:
+    """Return whether one model describes both directions of a measurement, and together they cover the full cycle."""
+    gearing = result.gearing
+    if gearing is None or not is_joint(result):
+        return False
+    cells = round(_CELLS_PER_REV * gearing.cycle)
+    covered = [np.floor(_CELLS_PER_REV * sweep.grid_turns).astype(np.int64) % cells for sweep in result.directions]
+    return len(np.unique(np.concatenate(covered))) >= FULL_SHARE * cells
 
 
 def _is_same_torque(result: Measurement) -> bool:

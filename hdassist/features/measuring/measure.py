@@ -68,6 +68,7 @@ from hdassist.run.kept import ClosedRecord
 
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 _SHORTEST_TURNS = 1.0  # input revolutions that one direction must cover
+DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}  # direction of the input angle
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (

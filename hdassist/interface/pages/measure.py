@@ -25,7 +25,7 @@ from hdassist.features.measuring.bench import (
 )
 from hdassist.features.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.features.measuring.iso230 import FEWEST_APPROACHES, PositioningTest, positioning_test
-from hdassist.features.measuring.measure import Measurement, SweepResult
+from hdassist.features.measuring.measure import DIRECTION_NAMES, Measurement, SweepResult
 from hdassist.features.measuring.orders import (
     FULL_SHARE,
     GAP_PERIODS,
@@ -64,7 +64,6 @@ _NAMED_SLOW = 0.1  # smallest size of the slow terms that a line on the page nam
 _LISTED_ORDERS = 12  # number of orders in the table, chosen by amplitude
 _NAMED_IMAGE = 0.1  # smallest order that may be a higher one and is named, as a share of the largest order
 _NAMED_ORDERS = 3  # number of orders that a line on the page names, chosen by amplitude
-_DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}
 
 
 def _ends_text(interval: Sequence[float]) -> str:
@@ -72,7 +71,7 @@ def _ends_text(interval: Sequence[float]) -> str:
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # functions by name
+FORMATS: dict[str, Any] = {"direction_name": DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # functions by name
 _ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
 _CYCLE = quantity_table("measure.cycle")
 _BUDGET = quantity_table("measure.budget")
@@ -439,7 +438,7 @@ def _slow(found: SweepResult) -> str:
 def _curve(found: SweepResult) -> Curve:
     """Return the curve of the error in the first sweep of a direction; the removed terms are not part of the curve."""
     first = found.bins.sweep == 0
-    title = f"kinematic error, ″, {_DIRECTION_NAMES[found.direction]} input angle"
+    title = f"kinematic error, ″, {DIRECTION_NAMES[found.direction]} input angle"
     turns = found.bins.turns[first]
     return curve_of_turns(turns, found.fit.error[first], title)
 
@@ -458,7 +457,7 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     budget = Table.by_row(title, _BUDGET, [*found.budget, together])
     title = "orders of the input, each with its sidebands"
     together_with_beats = Table.by_row(title, (*_ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
-    yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} input angle", (together_with_beats, orders, budget))
+    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} input angle", (together_with_beats, orders, budget))
 
 
 def _sweep(found: SweepResult) -> Json:
@@ -831,7 +830,7 @@ def _sentence(found: DriveHistory) -> str:
     values = [entry.F_ior_arcsec for entry in found.entries]
     first, *_ = found.entries
     hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
-    where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} input angle"
+    where = f"hole {hole}, {torque} N·m, {DIRECTION_NAMES[first.direction]} input angle"
     spread = f"probability of such a spread without a change: {100 * found.probability:.2g} %"
     return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
 
