@@ -213,7 +213,7 @@ def test_a_long_part_in_one_direction_must_pass_too():
 
 
 @pytest.mark.thorough
-def test_two_halves_are_no_part_and_a_direction_is_named_to_record_next():
+def test_two_halves_are_no_part_of_the_cycle():
     x = np.concatenate([np.arange(CYCLE // 2 * RATE), np.arange(CYCLE * RATE, CYCLE // 2 * RATE, -1)]) / RATE
     error = CURVE(x) + 0.2 * np.random.default_rng(4).standard_normal(len(x))
     halves = with_full_cycle(measure(recorded(x, error), drive=small(), stated=NOTHING))
