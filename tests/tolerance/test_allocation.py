@@ -65,6 +65,41 @@ def test_a_linear_drive_has_the_tolerances_that_lagrange_finds(production: Produ
     assert found.tried.share == 1.0
 
 
+def test_kinks_of_quantiles_do_not_stop_the_search(production: Production, here: float) -> None:
+    # the error of each drive scales by its own random factor, so the quantile over drives has kinks
+    def scattered(tried: Production, count: int) -> list[RandomDrive]:
+        factors = np.random.default_rng(tried.seed).uniform(0.5, 1.0, count).tolist()
+        return [
+            replace(
+                record,
+                best_F_ior_arcsec=(factor * record.best_F_ior_arcsec[0],),
+                tighter={path: (factor * F_ior[0],) for path, F_ior in (record.tighter or {}).items()},
+            )
+            for record, factor in zip(tried.records(0, count), factors, strict=True)
+        ]
+
+    search = replace(allocator(production, 0.9 * here, drives=100), records=scattered)
+    now = np.array([choice.now for choice in search.choices])
+    sought = search._sought(scattered(production, 100), now, 0.98)
+    # with one error common to all drives, the cheapest tolerances have the ratio that Lagrange gives
+    assert sought[0] / sought[1] == pytest.approx(2.0, rel=0.05)
+    assert search._ratio_of(scattered(production, 100), now)(sought) == pytest.approx(0.98, rel=1e-3)
+
+
+def test_best_holes_never_need_tighter_tolerances(production: Production, here: float) -> None:
+    def better_in_best_hole(tried: Production, count: int) -> list[RandomDrive]:
+        records = tried.records(0, count)
+        if not tried.mounting:
+            return records
+        return [replace(record, best_F_ior_arcsec=(0.9 * record.best_F_ior_arcsec[0],)) for record in records]
+
+    search = replace(allocator(production, 0.9 * here, rounds=1), records=better_in_best_hole)
+    as_assembled = search.cheapest(turned=False)
+    in_best_holes = search.cheapest(turned=True, start=as_assembled.values)
+    assert as_assembled.fits and in_best_holes.fits
+    assert in_best_holes.cost <= as_assembled.cost
+
+
 def test_what_cannot_be_reached_fails_with_the_least_tolerances(production: Production, here: float) -> None:
     found = allocator(production, 0.05 * here).cheapest(turned=False)
     assert found.verdict is Verdict.FAIL

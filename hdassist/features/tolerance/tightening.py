@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import RESOLVED_ERROR, Probability, weighted_quantile
@@ -32,8 +32,9 @@ _ENDS = (0.05, 0.95)  # quantiles of the resampled values that limit the interva
 _Records = Callable[[Production, int], list[RandomDrive]]
 _LOOSER = 2.0  # largest tolerance, in multiples of the preset's tolerance
 _TIGHTER = 0.1  # smallest tolerance, as a share of the preset's, if the preset gives no smallest value that can be made
-# step of the logarithm of tolerances for slopes, which smooths the effect of drives that cross the limit
-_SLOPE_STEP = 0.1
+# first and last step of the logarithms of tolerances in the search for the cheapest ones
+_FIRST_STEP = 0.3
+_LAST_STEP = 0.001
 _AIM = 0.98  # target of F'_ior as a share of the limit, with a margin for the error of the linear model
 _STRICTER = 0.93  # factor by which the target is reduced if the drives do not verify the tolerances
 _LIMIT_AGREES = 0.06  # largest remaining margin to the limit, as a share
@@ -395,16 +396,16 @@ class Allocator:
         """Smallest and largest values, in the unit of each field, shape (2, choices)."""
         return np.array([(choice.least, choice.most) for choice in self.choices]).T
 
-    def cheapest(self, turned: bool) -> Allocation:
+    def cheapest(self, turned: bool, start: Mapping[str, float] | None = None) -> Allocation:
         """Return the cheapest tolerances.
 
         If none are verified, return those of the attempt with the largest probability of the yield. Among equal
         attempts, the one with the largest share of drives within the limits is returned.
 
         turned: whether each wheel is turned to its best position.
+        start: tolerances from which the search starts, by path; None for those of the preset.
         """
-        # the search starts from the tolerances of the preset
-        values = np.array([choice.now for choice in self.choices])
+        values = np.array([start[choice.path] if start else choice.now for choice in self.choices])
         aim = _AIM
         records, tried = self._tried(turned, values, 0)
         attempts = [tried]
@@ -439,6 +440,8 @@ class Allocator:
         attempt: int,
     ) -> tuple[list[RandomDrive], Allocation]:
         """Return the random drives with given tolerances, different at each attempt, and their allocation."""
+        # tolerances that were found as assembled are verified in the best holes by other random drives
+        attempt_number = attempt + (1 + self.rounds if turned else 0)
         chosen = dict(
             zip(
                 self.choices,
@@ -452,7 +455,7 @@ class Allocator:
             self.production,
             law=law,
             mounting=turned,
-            seed=self.production.seed + attempt,
+            seed=self.production.seed + attempt_number,
         )
         records = self.records(production, self.drives)
         points = [AtTorque(M_g, room, 0.0) for M_g, room in zip(production.torques, self.rooms, strict=True)]
@@ -465,11 +468,10 @@ class Allocator:
         summary.add(records)
         tried = summary.yield_of(True)
         by_path = {choice.path: value for choice, value in chosen.items()}
-        cost = sum(choice.cost(value) for choice, value in chosen.items())
         return records, Allocation(
             turned=turned,
             values=by_path,
-            cost=cost,
+            cost=self._cost(values),
             tried=tried,
             probability=tried.probability(self.wanted),
             verdict=summary.verdict,
@@ -486,24 +488,33 @@ class Allocator:
         If no tolerances achieve the aim, the smallest ones are returned.
         """
         low, high = np.log(self.bounds)
-        share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in self.choices]).T
         ratio = self._ratio_of(records, now)
 
         def left(x: Array) -> float:
-            return float(-np.log(ratio(np.exp(x)) / aim))
+            """Return the logarithm of the aim over the ratio, for logarithms of tolerances."""
+            return float(-np.log(ratio(np.exp(np.clip(x, low, high))) / aim))
 
         if left(low) <= 0:
             return np.asarray(np.exp(low))
+        if left(high) >= 0:  # each tolerance costs least at its upper bound
+            return np.asarray(np.exp(high))
+        # quantiles over drives have kinks, so the method must not need derivatives
         cheapest = minimize(
-            lambda x: float(np.sum(share * np.exp(k * (first - x)))),
+            lambda x: self._cost(np.exp(x)),
             np.clip(np.log(now), low, high),
-            jac=lambda x: -share * k * np.exp(k * (first - x)),
             bounds=list(zip(low, high, strict=True)),
             constraints={"type": "ineq", "fun": left},
-            method="SLSQP",
-            options={"eps": _SLOPE_STEP},
+            method="COBYLA",
+            options={"rhobeg": _FIRST_STEP, "tol": _LAST_STEP},
         )
-        return np.asarray(np.exp(np.clip(cheapest.x, low, high)))
+        # all tolerances are scaled by one factor until the aim is just achieved
+        span = float(np.max(high - low))
+        shift = brentq(lambda of_all: left(cheapest.x + of_all), -span, span, xtol=_LAST_STEP / 10)
+        return np.asarray(np.exp(np.clip(cheapest.x + shift, low, high)))
+
+    def _cost(self, values: Array) -> float:
+        """Return the cost of tolerances, shape (choices,)."""
+        return sum(choice.cost(value) for choice, value in zip(self.choices, values.tolist(), strict=True))
 
     def _ratio_of(self, records: Sequence[RandomDrive], now: Array) -> Callable[[Array], float]:
         """Return a function that gives F'_ior over its room at the governing torque for other tolerances.

@@ -917,7 +917,10 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
                 drives=self.count,
                 rounds=_MOST_ROUNDS,
             )
-            ways = [allocator.cheapest(way) for way in turned]
+            ways = [allocator.cheapest(turned=False)]
+            if self.mounting:
+                # tolerances that are verified as assembled are sufficient in the best holes too
+                ways.append(allocator.cheapest(turned=True, start=ways[0].values if ways[0].fits else None))
         torque = worst_torque(drive, samples) if samples else 0
         gains = to_measure(law, samples, torque) if samples else ()
         return allocate_report(allocator, ways, self_errors, gains, torques[torque])
