@@ -5,7 +5,8 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
@@ -22,6 +23,8 @@ os.environ.setdefault(NO_CACHE, "1")  # samples are drawn, but where a test is o
 from tests.helpers.process import hear_what_is_ignored, keep_answers  # noqa: E402 (its processes get the environment of now)
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from hdassist import Drive
     from hdassist.drive.model.geometry import Array
     from hdassist.drive.solve.formulation import Formulation
@@ -38,17 +41,24 @@ from hdassist.drive.solve import loadcase  # noqa: E402 (numpy is loaded by it, 
 _solve_through_cvxpy, _solved = loadcase.solve_through_cvxpy, dict[tuple[object, ...], tuple["Array", "Array"]]()
 
 
-def _solve_once(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
-    """The answer of a solver through cvxpy; of the quickest one, to a state that it has solved before, the same again.
+def _solve_once(
+    formulation: Formulation,
+    delta_p: Array,
+    torque: float,
+    solver: str,
+    limits: Mapping[str, Any] = MappingProxyType({}),
+) -> tuple[Array, Array]:
+    """Return the solution of a state through cvxpy; the fastest solver solves each state once.
 
-    Commands of the tests have the same states solved again and again: four fifths of the time of `mount` of TINY.
+    Commands of the tests solve the same states several times: this is four fifths of the time of `mount` of TINY.
     """
-    settings = loadcase.SOLVER_SETTINGS.get(name := solver.upper())
+    name = solver.upper()
     if name != loadcase.CROSS_SOLVER:
-        return _solve_through_cvxpy(formulation, delta_p, torque, solver)
+        return _solve_through_cvxpy(formulation, delta_p, torque, solver, limits)
+    settings = {**loadcase.SOLVER_SETTINGS[name], **limits}
     state = formulation.digest, delta_p.tobytes(), torque, repr(settings)
     if state not in _solved:
-        _solved[state] = _solve_through_cvxpy(formulation, delta_p, torque, solver)
+        _solved[state] = _solve_through_cvxpy(formulation, delta_p, torque, solver, limits)
     return _solved[state]
 
 

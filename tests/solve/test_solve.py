@@ -199,6 +199,17 @@ def test_solutions_by_another_solver_are_counted_with_their_largest_difference(f
     assert "--cross-check" in error.value.hint
 
 
+def test_the_second_solver_decides_a_long_cross_check(formulation, system, monkeypatch):
+    monkeypatch.setitem(loadcase.CROSS_LIMITS, "HIGHS", {"qp_iteration_limit": 5})
+    rotation = load_case(formulation, 80e3).forces(system.delta_p[None])[1][:, 0] * ARCSEC
+    check = solve_again(formulation, np.array([80.0]), system.delta_p[None], rotation + 0.002, "highs", str)
+    assert check.solver == "HIGHS, CLARABEL"
+    assert check.max_difference_arcsec == pytest.approx(0.002, abs=2e-4)
+    # the limit is that of a check: a user who names HIGHS as the solver gets its solution
+    forces, _ = solve_through_cvxpy(formulation, system.delta_p, 80e3, "highs")
+    assert forces.max() > 0
+
+
 @pytest.mark.parametrize(
     ("residual", "spoil"),
     [
