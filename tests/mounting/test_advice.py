@@ -118,19 +118,26 @@ def test_the_curve_has_the_limit_less_the_self_error():
     assert line.limit == rooms.arcsec[0] and 0 < line.limit < 15
 
 
-def test_measuring_stops_when_another_value_gains_too_little_after_four():
-    advice, one = advice_of(curve_of([20.0, 9.0, 12.0], holes=3)), Trial(0.0, 20.0)
+def goes_on_measuring(advice: Advice, values: int, worth: float) -> bool:
+    """Return whether another hole is measured after a number of values, if one more gains 1.5 %."""
+    one, value = Trial(0.0, 20.0), MeasurementValue(120.0, 1.0, (20.0, 19.7))
+    return replace(advice, trials=(one,) * values, value=value, worth=worth).next is not None
 
-    def goes_on(values: int, worth: float) -> bool:
-        value = MeasurementValue(120.0, 1.0, (20.0, 19.7))
-        return replace(advice, trials=(one,) * values, value=value, worth=worth).next is not None
 
-    assert [goes_on(values, 0.02) for values in (3, 4, 5)] == [True, False, False]
-    assert goes_on(5, 0.01)
+def test_measuring_stops_when_another_value_gains_too_little_after_five():
+    advice = advice_of(curve_of([20.0, 9.0, 12.0, 15.0, 18.0, 19.0], holes=6))
+    assert [goes_on_measuring(advice, values, 0.02) for values in (4, 5, 6)] == [True, False, False]
+    assert goes_on_measuring(advice, 6, 0.01)
+
+
+def test_a_seat_of_three_holes_needs_four_values():
+    advice = advice_of(curve_of([20.0, 9.0, 12.0], holes=3))
+    assert [goes_on_measuring(advice, values, 0.02) for values in (3, 4, 5)] == [True, False, False]
+    assert goes_on_measuring(advice, 5, 0.01)
 
 
 def doubting(better_share: float, misread: float) -> Advice:
-    """An advice after four values whose gain is small; hole 1 is the choice, and hole 2 was not measured.
+    """An advice after five values whose gain is small; hole 1 is the choice, and hole 2 was not measured.
 
     better_share: of samples in which hole 2 is better; misread: probability of the second value.
     """
@@ -142,8 +149,8 @@ def doubting(better_share: float, misread: float) -> Advice:
         now_arcsec=samples[None, :, 0],
         sample_weights=np.ones(100),
     )
-    values = tuple(Trial(turn, 10.0) for turn in (0.0, 72.0, 216.0, 288.0))
-    after = SimpleNamespace(misread=np.array([0.0, misread, 0.0, 0.0]), facing=(None, None))
+    values = tuple(Trial(turn, 10.0) for turn in (0.0, 72.0, 216.0, 288.0, 288.0))
+    after = SimpleNamespace(misread=np.array([0.0, misread, 0.0, 0.0, 0.0]), facing=(None, None))
     drive = load_preset(SMALL, ["operation.M_g=[1.0]", "mounting.holes=5"])
     value = MeasurementValue(288.0, 1.0, (10.0, 9.95, 9.94, 9.93))
     return Advice(drive, decision, TrialSetup(1.0), trials=values, after=after, value=value)
@@ -165,7 +172,7 @@ def test_a_doubtful_value_is_repeated_before_all_else():
     assert next_value_words(doubtful) == (
         "Before bolting, measure hole 1 again. Probability that 10″ is a reading error: 30 %."
     )
-    after = SimpleNamespace(misread=np.array([0.0, 0.3, 0.0, 0.0, 0.0]), facing=(None, None))
+    after = SimpleNamespace(misread=np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0]), facing=(None, None))
     repeated = replace(doubtful, trials=(*doubtful.trials, Trial(72.0, 10.2)), after=after)
     assert repeated.next.hole == 2
 
@@ -173,5 +180,5 @@ def test_a_doubtful_value_is_repeated_before_all_else():
 def test_a_value_is_measured_for_its_number_with_a_reason():
     few = replace(doubting(0.0, 0.0), trials=(Trial(288.0, 30.0),))
     assert next_value_words(few).startswith(
-        "Before bolting, measure hole 4 again: fewer than 4 values do not show reading errors. Mean F'_ior"
+        "Before bolting, measure hole 4 again: fewer than 5 values do not show reading errors. Mean F'_ior"
     )

@@ -45,10 +45,10 @@ def test_unknown_direction_gives_any_hole_and_the_holes_to_measure():
     assert report.why[0].startswith("The direction of the deviations is unknown, so no hole is expected to be better")
     assert [row[1] for row in report.blocks[0].rows] == ["any"]  # what the others differ by is chance
     assert [len(block.rows) for block in report.details if isinstance(block, Table)] == [12]
-    assert f"{F_ior[2]:.1f}″ after four values" in next_value_words(advice)
+    assert f"{F_ior[3]:.1f}″ after five values" in next_value_words(advice)
     assert f"(now {F_ior[0]:.1f}″)" in next_value_words(advice)
     several = replace(advice, drive=changed(advice.drive, operation__M_g=[4.0, 8.0]))
-    assert f"{100 * (1 - F_ior[2] / F_ior[0]):.1f} % after four values" in next_value_words(several)
+    assert f"{100 * (1 - F_ior[3] / F_ior[0]):.1f} % after five values" in next_value_words(several)
     overrides = "--set phases.phi_hb=unknown --set operation.M_g=4"
     assert f"hdassist mount {SMALL} {overrides} h0=F_IOR h4=F_IOR h8=F_IOR" in dict(report.blocks[1].rows)["next"]
 

@@ -303,6 +303,11 @@ class Advice:
         return len(self.trials) or len(measured_errors(self.drive))
 
     @property
+    def fewest_values(self) -> int:
+        """Smallest number of values before measuring may stop: in a small seat, one more than there are positions."""
+        return min(FEWEST_VALUES, len(self.decision.rotations_deg) + 1)
+
+    @property
     def to_try(self) -> tuple[Position, ...]:
         """Three usable positions to measure first, which are as far apart as possible."""
         return tuple(self.position(self.decision.place(turn)) for turn in _thirds(self.decision.rotations_deg))
@@ -320,7 +325,7 @@ class Advice:
         value = self.value
         if not value:
             return None
-        if self.values >= FEWEST_VALUES and not value.is_worth(self.worth):
+        if self.values >= self.fewest_values and not value.is_worth(self.worth):
             return self._next_before_stop()
         if not self.values and value.F_ior_arcsec[0] - value.F_ior_arcsec[-1] < self.worth * value.F_ior_arcsec[0]:
             return None
@@ -388,7 +393,7 @@ class Advice:
             return self.torque_of(repeat)
         if not self.value:
             return self.setup.M_g
-        if self.doubtful and self.values >= FEWEST_VALUES and not self.value.is_worth(self.worth):
+        if self.doubtful and self.values >= self.fewest_values and not self.value.is_worth(self.worth):
             doubtful_trial, _ = self.doubtful
             return self.torque_of(doubtful_trial)
         return self.value.M_g

@@ -389,13 +389,13 @@ def next_value_words(advice: Advice) -> str:
         if reason:
             return f"{action}. {reason}"
         if not value.is_worth(advice.worth):
-            action += f": fewer than {FEWEST_VALUES} values do not show reading errors"
+            action += f": fewer than {advice.fewest_values} values do not show reading errors"
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
         return f"No need to measure: six values would reduce {_reduction(advice, after[6], 'only ')}."
     holes = ", ".join(hole_place(p) for p in advice.to_try)
-    gain = _expected(advice, (after[FEWEST_VALUES], "four values"), (after[6], "six"))
+    gain = _expected(advice, (after[FEWEST_VALUES], "five values"), (after[6], "six"))
     action = f"To reduce F'_ior, measure it at {advice.setup.M_g:g} N·m in {holes}"
     return f"{action}, then in the holes that this command names. {gain}"
 
@@ -405,7 +405,7 @@ def _reason_before_stop(advice: Advice) -> str:
 
     The text is empty if the gain is large enough, or if there are too few values to stop.
     """
-    if advice.values < FEWEST_VALUES or not advice.value or advice.value.is_worth(advice.worth):
+    if advice.values < advice.fewest_values or not advice.value or advice.value.is_worth(advice.worth):
         return ""
     if advice.doubtful:
         trial, probability = advice.doubtful
