@@ -73,7 +73,7 @@ class FieldPrior:
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
         if self.distribution == "teeth":
-            return np.interp(share, (0.0, FINE_TEETH_SHARE, 1.0), (0.0, FINE_TEETH_BOUND * self.high, self.high))
+            return self.high * pitch_deviation_shares(share)
         mean = (self.low + self.high) / 2
         standard_deviation = (self.high - self.low) / 4  # the bounds are two standard deviations from the mean
         normal = mean + standard_deviation * ndtri(np.clip(share, *_SHARE_LIMITS))
@@ -180,28 +180,44 @@ class DrivePrior:
         """Return the values of draws by path, shape (draws,) each.
 
         A profile shift that follows from other fields is counted from the one at which the teeth just mesh. The single
-        pitch deviations of the two wheels are correlated, because both wheels are made with the same care:
-
-        (1)  z = R z_1 + sqrt(1 - R^2) z_2
-
-        z_1 and z_2 are the normal quantiles of the shares of both wheels, and z is that of the value of the second
-        wheel.
+        pitch deviations of the two wheels are correlated by equation (1).
 
         shares: shares of each field's probability, shape (draws, at least fields).
         """
         columns = {}
-        normal_of_first: Array | None = None  # z_1 if the first wheel is uncertain
+        share_of_first: Array | None = None  # if the first wheel is uncertain
         for k, field in enumerate(self.fields):
             share = shares[:, k]
             if field.distribution == "teeth":
-                normal = ndtri(np.clip(share, *_SHARE_LIMITS))
-                if normal_of_first is None:
-                    normal_of_first = normal
+                if share_of_first is None:
+                    share_of_first = share
                 else:
-                    R = TEETH_CORRELATION
-                    share = ndtr(R * normal_of_first + np.sqrt(1 - R**2) * normal)  # equation (1)
+                    share = share_of_second_wheel(share_of_first, share)
             columns[field.path] = field.value(share)
         return columns
+
+
+def pitch_deviation_shares(share: Array) -> Array:
+    """Return f_p of a wheel over its upper bound, at shares of its probability."""
+    return np.interp(share, (0.0, FINE_TEETH_SHARE, 1.0), (0.0, FINE_TEETH_BOUND, 1.0))
+
+
+def share_of_second_wheel(first: Array, second: Array) -> Array:
+    """Return shares of probability of f_p of the second wheel, correlated with those of the first wheel.
+
+    Both wheels are made with the same care:
+
+    (1)  z = R z_1 + sqrt(1 - R^2) z_2
+
+    z_1 and z_2 are the normal quantiles of the arguments, and z is that of the result.
+
+    first: shares of probability of the first wheel.
+    second: independent shares of probability.
+    """
+    R = TEETH_CORRELATION
+    z_1 = ndtri(np.clip(first, *_SHARE_LIMITS))
+    z_2 = ndtri(np.clip(second, *_SHARE_LIMITS))
+    return np.asarray(ndtr(R * z_1 + np.sqrt(1 - R**2) * z_2))
 
 
 def prior_of(drive: Drive) -> DrivePrior:

@@ -14,13 +14,13 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.belief.prior import prior_of
+from hdassist.belief.prior import pitch_deviation_shares, prior_of, share_of_second_wheel
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
 from hdassist.drive.error.cycle import kinematic_error, limits_left
 from hdassist.drive.error.error_map import searchable
 from hdassist.drive.error.waves import POINTS_A_TURN, ErrorLines, error_lines
-from hdassist.drive.model.deviations import ToothDeviations
+from hdassist.drive.model.deviations import ToothDeviations, largest_pitch_share, spread_of_teeth
 from hdassist.drive.model.geometry import Array, Kinematics, pitch_locked_states
 from hdassist.drive.preset.fields import DEVIATIONS, Drive
 from hdassist.drive.solve.answers import EMPTY, Certificate
@@ -38,11 +38,8 @@ _LEAST_ARCSEC = 1e-9  # arcsec; added to errors, which makes a test capture all 
 _LISTED_LINES = 12  # number of the largest lines that are listed
 _NEVER = Probability(0.0, 0.0, 0.0)  # probability of a wrong verdict of a test that captures everything
 SEEN_SHARE = 0.95  # captured share of F'_ior that is sufficient without a limit
-_ROUGH_NOISE = 0.03  # largest rms of single-tooth noise, as a share of F'_i; uniform from 0 as an engineering estimate
-_ROUGH_ORDERS = range(5, 13)  # orders of rough teeth around a wheel
-_ROUGH_SIZE = 0.1  # scale of the Rayleigh distribution of amplitudes, before division by the order
 _ROUGH_WHEELS = 8  # number of random wheels of each kind
-_ROUGH_UM = 50.0  # composite deviation F'_i at which the random wheels are solved [um]
+_ROUGH_UM = 10.0  # single pitch deviation f_p at which the random wheels are solved [um]
 
 
 @dataclass(frozen=True)
@@ -723,9 +720,9 @@ def rough_curves(
 ) -> _RoughCurves:
     """Return the error due to rough teeth over the full cycle, for each drive.
 
-    Only wheels with a pitch deviation f_p of 0 have rough teeth. A few random wheels, with harmonics and single-tooth
-    noise, are solved in the drive without other deviations. Each drive gets one of them per wheel, in a random position
-    and scaled to its composite deviation. The errors of both wheels add up.
+    Only wheels with a pitch deviation f_p of 0 have rough teeth. A few wheels with independent deviations of the teeth
+    are solved in the drive without other deviations. Each drive gets one of them per wheel, in a random position and
+    scaled to an f_p of the prior of single teeth. The errors of both wheels add up.
 
     drive: the drive.
     M_g: torque [N*m].
@@ -740,8 +737,10 @@ def rough_curves(
     state, part = np.divmod(np.arange(points) * cycle_states / points, 1)
     index = state.astype(np.int64)
     curves = np.zeros((len(changes), points))
-    for wheel, teeth, number in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
-        sizes = _rough_sizes(drive, changes, number)
+    share_g = rng.random(len(changes))
+    share_b = share_of_second_wheel(share_g, rng.random(len(changes)))
+    for wheel, teeth, number, share in (("g", drive.gears.z_g, 1, share_g), ("b", drive.gears.z_b, 2, share_b)):
+        sizes = _rough_sizes(drive, changes, number) * pitch_deviation_shares(share)
         if not sizes.any():
             continue
         # a few solved wheels represent all wheels; each drive has one of them in a random position
@@ -760,7 +759,7 @@ def _rough_sizes(
     changes: Sequence[Mapping[str, float]],
     number: int,
 ) -> Array:
-    """Return the sizes of rough teeth relative to the solved wheels, shape (drives,); 0 for known pitch deviations.
+    """Return the largest sizes of rough teeth over those of the solved wheels, shape (drives,); 0 for known f_p.
 
     changes: values of the drives, by path.
     number: 1 for the flexspline, 2 for the circular spline.
@@ -770,7 +769,7 @@ def _rough_sizes(
     composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
     pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
     # known pitch deviations are already part of the sampled orders
-    return np.where(pitch, 0.0, composite / _ROUGH_UM)
+    return np.where(pitch, 0.0, composite * largest_pitch_share(drive) / _ROUGH_UM)
 
 
 @dataclass(frozen=True, eq=False)
@@ -792,17 +791,13 @@ def _solved_rough_wheel(
     rng: np.random.Generator,
     run: Run,
 ) -> _RoughWheel:
-    """Return the error of a drive without other deviations, due to a wheel with random teeth.
+    """Return the error of a drive without other deviations, due to a wheel whose teeth deviate independently.
 
     M_g: torque [N*m].
     wheel: g for the flexspline, b for the circular spline.
     """
     count = drive.gears.z_g if wheel == "g" else drive.gears.z_b
-    angle = 2 * np.pi * np.arange(count) / count
-    # the deviations are independent noise of the teeth, and orders whose size decreases with the order
-    teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(count)
-    for order in _ROUGH_ORDERS:
-        teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * angle - 2 * np.pi * rng.random())
+    teeth = spread_of_teeth(count) * rng.standard_normal(count)
     # without other deviations, the error is that of the wheel
     smooth = drive.with_values({deviation.size: 0.0 for deviation in DEVIATIONS})
     # with one state per tooth, each tooth meets each mesh zone once

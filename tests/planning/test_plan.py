@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.belief.prior import FINE_TEETH_SHARE
 from hdassist.drive.error.cycle import kinematic_error
 from hdassist.drive.error.error_map import Batch, ErrorMap
 from hdassist.drive.error.extremes import DRAWN_GRIDS
@@ -184,10 +185,19 @@ def test_rough_teeth_leave_the_range_and_lower_the_share():
     assert min(np.ptp(one), np.ptp(both)) > 0
     twice = rough_curves(drive, 4.0, [{path: 2 * size for path, size in sizes.items()}] * 3, cycle).arcsec[2]
     assert twice == pytest.approx(2 * rough_curves(drive, 4.0, [sizes] * 3, cycle).arcsec[2])
-    smooth = DrivesUnderTest(error_lines(drive, 4.0, [{}]).curves, np.ones(1), 1)
-    rough = choose_plan(drive, draws=0).drives
-    assert rough.F_ior_arcsec == pytest.approx(smooth.F_ior_arcsec)  # that of every page
-    assert rough.judge(TEN).seen[0] < smooth.judge(TEN).seen[0]
+    curves = error_lines(drive, 4.0, [{}]).curves
+    smooth = DrivesUnderTest(curves, np.ones(1), 1)
+    assert choose_plan(drive, draws=0).drives.F_ior_arcsec == pytest.approx(smooth.F_ior_arcsec)  # that of every page
+    many = curves + rough_curves(drive, 4.0, [sizes] * 64, cycle).arcsec
+    rough = DrivesUnderTest(many, np.full(64, 1 / 64), 1)
+    assert all(few < more for few, more in zip(rough.judge(TEN).seen, smooth.judge(TEN).seen, strict=True))
+
+
+def test_rough_teeth_have_the_prior_of_single_teeth():
+    """Half of the wheels have fine teeth, with at most an eighth of the largest error."""
+    drive = load_preset(SMALL)
+    errors = np.ptp(rough_curves(drive, 4.0, [{"tolerances.F_i1": 40.0}] * 200, 30 * 180).arcsec, axis=1)
+    assert np.mean(errors < errors.max() / 8) == pytest.approx(FINE_TEETH_SHARE, abs=0.1)
 
 
 def test_errors_of_rough_wheels_add_up_in_the_solved_cycle():

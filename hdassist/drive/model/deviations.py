@@ -117,12 +117,25 @@ def factor_of(deviation: Deviation, drive: Drive) -> float:
 def _amplitude_of_pitch(z: int) -> float:
     """Return the amplitude of each order of the positions of z teeth over the largest single pitch deviation f_p.
 
-    Equation (8c). The position errors of the teeth are independent with standard deviation s. The pitch between two
-    teeth then has standard deviation sqrt(2) s, and the largest of z pitch deviations is c_z times that. Each order of
-    the positions has an amplitude of 2 s/sqrt(z).
+    Equation (8c). Each order of the positions has an amplitude of 2 s/sqrt(z) for a standard deviation s.
+    """
+    return float(2 * spread_of_teeth(z) / np.sqrt(z))
+
+
+def spread_of_teeth(z: int) -> float:
+    """Return the standard deviation s of the positions of z teeth over the largest single pitch deviation f_p.
+
+    The position errors of the teeth are independent. The pitch between two teeth then has the standard deviation
+    sqrt(2) s, and the largest of z pitch deviations is c_z times that.
     """
     c_z = ndtri((1 + 0.5 ** (1 / z)) / 2)  # median of the largest of z normal numbers
-    return float(2 / np.sqrt(2 * z) / c_z)
+    return float(1 / np.sqrt(2) / c_z)
+
+
+def largest_pitch_share(drive: Drive) -> float:
+    """Return the largest f_p of a wheel over its F'_i: that of the class of ISO 1328-1:2013 that has F'_i as F_p."""
+    wheel = drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS
+    return f_p(*wheel) / F_p(*wheel)
 
 
 def standing_offset(drive: Drive) -> tuple[str, str]:
@@ -594,6 +607,6 @@ def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
     share = SECOND_ORDER if deviation.order == 2 else HIGHER_ORDERS
     size, _ = _largest(drive, composite)
     if deviation.kind == "pitch":
-        wheel = drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS
-        return size * f_p(*wheel) / F_p(*wheel), f"f_p of the class of ISO 1328-1:2013 that {composite.name} has as F_p"
+        reason = f"f_p of the class of ISO 1328-1:2013 that {composite.name} has as F_p"
+        return size * largest_pitch_share(drive), reason
     return share * size / 2, f"assumed: {share:.0%} of half of {composite.name}"
