@@ -737,10 +737,9 @@ def rough_curves(
     state, part = np.divmod(np.arange(points) * cycle_states / points, 1)
     index = state.astype(np.int64)
     curves = np.zeros((len(changes), points))
-    share_g = rng.random(len(changes))
-    share_b = share_of_second_wheel(share_g, rng.random(len(changes)))
-    for wheel, teeth, number, share in (("g", drive.gears.z_g, 1, share_g), ("b", drive.gears.z_b, 2, share_b)):
-        sizes = _rough_sizes(drive, changes, number) * pitch_deviation_shares(share)
+    sizes_of_wheels = _rough_sizes(drive, changes, rng)
+    for wheel, teeth in (("g", drive.gears.z_g), ("b", drive.gears.z_b)):
+        sizes = sizes_of_wheels[wheel]
         if not sizes.any():
             continue
         # a few solved wheels represent all wheels; each drive has one of them in a random position
@@ -757,19 +756,24 @@ def rough_curves(
 def _rough_sizes(
     drive: Drive,
     changes: Sequence[Mapping[str, float]],
-    number: int,
-) -> Array:
-    """Return the largest sizes of rough teeth over those of the solved wheels, shape (drives,); 0 for known f_p.
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    """Draw f_p of rough teeth over that of the solved wheels, by wheel, shape (drives,) each; 0 for a known f_p.
 
     changes: values of the drives, by path.
-    number: 1 for the flexspline, 2 for the circular spline.
     """
-    composite_path = f"tolerances.F_i{number}"
-    pitch_path = f"tolerances.f_p{number}"
-    composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
-    pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
-    # known pitch deviations are already part of the sampled orders
-    return np.where(pitch, 0.0, composite * largest_pitch_share(drive) / _ROUGH_UM)
+    share_g = rng.random(len(changes))
+    share_b = share_of_second_wheel(share_g, rng.random(len(changes)))
+    sizes = {}
+    for wheel, number, share in (("g", 1, share_g), ("b", 2, share_b)):
+        composite_path = f"tolerances.F_i{number}"
+        pitch_path = f"tolerances.f_p{number}"
+        composite = np.array([change.get(composite_path, drive.number(composite_path)) for change in changes])
+        pitch = np.array([change.get(pitch_path, drive.number(pitch_path)) for change in changes])
+        drawn_pitch = composite * largest_pitch_share(drive) * pitch_deviation_shares(share)
+        # known pitch deviations are already part of the sampled orders
+        sizes[wheel] = np.where(pitch, 0.0, drawn_pitch / _ROUGH_UM)
+    return sizes
 
 
 @dataclass(frozen=True, eq=False)
