@@ -40,8 +40,8 @@ from hdassist.run.errors import SURE, Verdict
 
 GOOD = 0.05  # largest loss relative to the best hole at which a hole is considered equally good
 WORTH = 0.02  # gain of one more value below which measuring stops, as a share of F'_ior
-# smallest number of measured values before measuring may stop: for hidden drives, the gain of a fifth value is larger
-# than predicted (benchmarks.regret)
+# smallest number of measured values before measuring may stop: after four values, the excess of hidden drives is larger
+# than expected from the values (benchmarks.regret)
 FEWEST_VALUES = 5
 LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}  # percentiles of a result by name
 FEWEST_SURE = 32  # effective sample size below which the whole interval of the probability must meet the requirement
