@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.rows import Row, engine_of, rows
+from benchmarks.rows import Row, engine_of, named, rows
 from benchmarks.words import CHOSEN, DRAWN, HEAD, REASONS, SEARCHED, SOLVERS
 
 PAGE = Path(__file__).parents[1] / "docs/performance.md"
@@ -145,7 +145,7 @@ def _draws(search: dict[str, Any]) -> tuple[str, ...]:
 def _process(run: dict[str, Any]) -> tuple[str, ...]:
     numbers = (f"{run['median_s']:.2f}", f"{run['processor_s']:.2f}")
     memory = (f"{run['one_process_MB']:.0f}", f"{run['all_processes_MB']:.0f}")
-    return f"`{run['command']}`", str(run["runs"]), *numbers, *memory
+    return named(run["command"]), str(run["runs"]), *numbers, *memory
 
 
 def _growth(drives: list[dict[str, Any]]) -> str:

@@ -119,14 +119,23 @@ def _processes(runs: list[dict[str, Any]], first_output_s: dict[str, float]) -> 
     for run in runs:
         if run["over"]:
             other, most = run["over"]
-            words = f"time of `{run['command']}` divided by time of `{other}`"
+            words = f"time of {named(run['command'])} divided by time of `{other}`"
             yield Row(_key(run), words, most, run["processor_s"] / took[other], "times")
     for command, seconds in first_output_s.items():
         words = f"time until `{command}` shows text on a terminal, divided by time of `{IMPORT.words}`"
         yield Row("first output", words, FIRST_OUTPUT, seconds / took[IMPORT.words], "times")
     for run in runs:
         if run["over"]:
-            yield Row("memory", f"memory of `{run['command']}`", MEMORY_MB, run["all_processes_MB"], "MB")
+            yield Row("memory", f"memory of {named(run['command'])}", MEMORY_MB, run["all_processes_MB"], "MB")
+
+
+def named(command: str) -> str:
+    """Return a measured command in code font, with the commands that were run before it in brackets."""
+    words, _, earlier = command.partition(", after ")
+    if not earlier:
+        return f"`{words}`"
+    names = " and ".join(f"`{name}`" for name in earlier.split(" and "))
+    return f"`{words}` (after {names})"
 
 
 def _key(run: dict[str, Any]) -> str:

@@ -150,10 +150,10 @@ Each item names the chosen method and the alternative, and gives the result of t
 - **Principal pivots that use the contact set of a neighbouring state**, instead of a separate active-set solution of
   each state (DAQP, warm). The table of solvers above compares the times. All solvers use the matrices of the
   formulation. If the pivots fail in a state, DAQP solves this state.
-- **A separate reference for each torque**, instead of a common reference for both torques. With a common reference, the
-  time decreased by a tenth for samples of `vzp160` in one hole, and by 2 % for samples of a data sheet. For samples in
-  twelve holes the time increased by a fifth, because each state at the other torque needs more pivots. The results
-  agreed within 1e-10 arcsec.
+- **A separate reference for each torque**, instead of a common reference for both torques. The time then decreased by a
+  tenth for samples of `vzp160` in one hole. For samples of a drive known only from its data sheet (a data-sheet drive)
+  it decreased by 2 %. For samples in twelve holes the time increased by a fifth, because each state at the other torque
+  needs more pivots. The results agreed within 1e-10 arcsec.
 - **Pivots in C**, or in numpy if no compiler is available. The table of solvers compares the times. In a test, the
   results of both programs agree within 1e-9 arcsec, and each state has its certificate.
 - **Solution of every state of a single drive**, and a search only for very many drives. With the compiled program, the
@@ -164,33 +164,35 @@ Each item names the chosen method and the alternative, and gives the result of t
   always find. One grid of 15 x 15 missed two of eight isolated extremes, by 0.7 arcsec. One grid of 25 x 25 missed a
   different extreme. An extreme that one grid overlooks is usually found by another grid.
 - **One grid of 7 x 7 and one ring of eight states for samples**, instead of a grid of 9 x 9 and two rings. The table
-  gives the errors of 768 searches of `vzp160` and 192 searches of a data-sheet drive with rough teeth, in arcsec. The
-  errors are differences from a search with a grid of 60 x 60. The columns "9 x 9" apply to the alternative. The error
-  with a grid of 5 x 5 is up to 1.1 arcsec.
+  gives the errors of 768 searches of `vzp160` and 192 searches of a data-sheet drive with large single pitch
+  deviations, in arcsec. The errors are differences from a search with a grid of 60 x 60. The columns "9 x 9" apply to
+  the alternative. The error with a grid of 5 x 5 is up to 1.1 arcsec.
 
   | drive | rms | maximum | 9 x 9: rms | 9 x 9: maximum |
   | --- | --- | --- | --- | --- |
   | `vzp160`, 80 N·m | 0.011 | 0.13 | 0.013 | 0.23 |
   | `vzp160`, 800 N·m | 0.013 | 0.26 | 0.003 | 0.06 |
-  | data sheet, rough teeth | 0.016 | 0.14 | | |
+  | data-sheet drive | 0.016 | 0.14 | | |
 - **A table of the error with the slopes with respect to all deviations**, with one solution per point, instead of
   straight lines between the points. Between two points the table uses the mean of the straight line and of both
   tangents, which is exact for a parabola. With 9 x 5 x 7 x 7 points, the standard deviation of the error of the table
   is 0.9 and 1.4 % at the two torques of `vzp160`. With straight lines, 13 x 5 x 9 x 9 points and two solutions per
   point, the standard deviation is 1.1 and 2.4 %.
-- **Four pivots at once**, instead of two. A search with rough teeth then takes a sixth less time.
+- **Four pivots at once**, instead of two. A search then takes a sixth less time if the single pitch deviations are
+  large.
 - **A separate solution for each pair of phases of the self error**, instead of one factorization for all pairs with a
   Schur complement over the bore contacts. The self error takes 10 % of the time of `check vzp160`. The solution of all
   800 states in C takes a quarter of these 10 %, which is about 2.4 % of the time of the command. A common factorization
   could not save more than this. Sums and residuals in numpy take another quarter, contact systems a fifth, and
   programmes an eighth.
-- **All flanks that overlap the other spline as candidates**, instead of the flanks within a window. A window of
-  30 degrees was tried, in which the certificate of each state includes the gaps of all flanks beyond the window. The
-  time per state decreased to 0.9 times, and the time per reference to 0.7 times its value without a window. However,
-  9 of 12 drives of a data sheet have contacts beyond the window and are solved twice. The results agreed within
-  1e-9 arcsec.
-- **HIGHS for the cross-check**, and CLARABEL if HIGHS fails. With five stations, HIGHS takes 20 ms per state, and
-  CLARABEL takes 70 ms. Both agree with the results of the compiled program within 2e-4 arcsec over all presets.
+- **All flanks that overlap the other spline as candidates**, instead of the flanks within a window. A window of 30
+  degrees was tried, in which the certificate of each state includes the gaps of all flanks beyond the window. The time
+  per state decreased to 0.9 times, and the time per reference to 0.7 times its value without a window. However, 9 of 12
+  samples of a data-sheet drive have contacts beyond the window and are solved twice. The results agreed within 1e-9
+  arcsec.
+- **HIGHS for the cross-check**, and CLARABEL if HIGHS fails or takes more than 5000 iterations. With five stations,
+  HIGHS takes 20 ms per state, and CLARABEL takes 70 ms. Both agree with the results of the compiled program within 2e-4
+  arcsec over all presets.
 - **Processes instead of threads**. The matrices are too small for the threads of BLAS, so these are switched off.
 """
 

@@ -5,7 +5,7 @@ import pytest
 from benchmarks import engine, processes, proposals
 from benchmarks.__main__ import joined
 from benchmarks.page import page
-from benchmarks.rows import rows
+from benchmarks.rows import named, rows
 from benchmarks.words import NUMPY, REASONS, WALK, WARM_DAQP
 from hdassist import load_preset
 from hdassist.drive.error.error_map import Batch, ErrorMap
@@ -58,7 +58,7 @@ def test_the_page_has_every_target_and_part():
     for row in rows(slow()):
         assert f"| {row.work} | {row.asked} | {row.got} | **missed** |" in made
     for run in slow()["processes"]["runs"]:
-        assert f"| `{run['command']}` | 1 | 90.00 |" in made
+        assert f"| {named(run['command'])} | 1 | 90.00 |" in made
     assert "| random drives | 1 | 10.00″ to 10.00″ | 20200, 100 | 3800, 40 | 1.0e+00″ (10.00%) | 1 |" in made
 
 

@@ -106,7 +106,8 @@ CASES = [
         50,
         why="With these bounds most drives sold would not meet the accuracy",
         kind=Kind.CHECK,
-        miss="Half of the sampled wheels have fine teeth, and nearly half of the samples do not meet the accuracy",
+        miss="Half of the sampled wheels have small single pitch deviations. Nearly half of the samples do not meet "
+        "the accuracy",
         digits=".0f",
         value=lambda: kept(20, 2.0),
         slow=True,

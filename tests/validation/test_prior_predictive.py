@@ -45,8 +45,8 @@ ABOUT = (
 )
 GEARHEAD = "The gearhead at the input may have caused this component"
 FINE_TEETH = (
-    "Half of the sampled wheels have fine teeth, which reduces the range of most samples. The order 2 of this "
-    "recording lies at the 95th percentile"
+    "Half of the sampled wheels have small single pitch deviations, which reduces the range of most samples. Order 2 "
+    "of this recording lies at the 95th percentile"
 )
 GUESS = (
     "The recording must lie between the 5th and 95th percentile of the samples. Because of the finite number of "

@@ -43,12 +43,13 @@ ABOUT = (
     "Smirnov are close to 5 %, so the test neither confirms nor clearly refutes this assumption. Five values are too "
     "few for a conclusive test. The standard error of a share is up to 7 %. The two smallest values have shares of "
     "12 to 17 %. The largest value, which an owner states for a drive with an unknown coupling, is above all "
-    "samples.\n\nThe prior assumes that the teeth of half of the wheels are fine ([unknown "
-    "inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share. Each value has one "
-    "probability density if the teeth of both wheels are fine. It has another if the teeth of neither wheel are. "
-    "With a uniform prior of the share, its posterior mean and standard deviation are given below the first table. "
-    "The standard error of a published value is assumed to be 15 %, and with a probability of 2 % the value belongs "
-    "to a drive of neither kind. Five values hardly narrow the share, so it remains an assumption."
+    "samples.\n\nThe prior assumes that half of the wheels have small single pitch deviations ([unknown "
+    "inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share. The probability density "
+    "of each value is computed for two kinds of drives: the single pitch deviations of both wheels are small, or "
+    "those of neither wheel. With a uniform prior of the share, its posterior mean and standard deviation are given "
+    "below the first table. The standard error of a published value is assumed to be 15 %, and with a probability of "
+    "2 % the value belongs to a drive of neither kind. Five values hardly narrow the share, so it remains an "
+    "assumption."
 )
 
 
@@ -144,7 +145,9 @@ def table() -> str:
         lines.append(f"|{'|'.join(cells)}|")
     ends = (", ".join(f"{samples().percentile(q, k):.0f}" for q in (0.05, 0.5, 0.95)) for k in range(len(TORQUES)))
     mean, spread = fine_teeth_share()
-    share_line = f"Share of drives with fine teeth: {mean:.2f} ± {spread:.2f} (mean and standard deviation)."
+    share_line = (
+        f"Share of drives with small single pitch deviations: {mean:.2f} ± {spread:.2f} (mean and standard deviation)."
+    )
     lines += ["", share_line, ""]
     return "\n".join([*lines, "5th percentile, median and 95th percentile of F'_ior of the sampled drives: " + " "
     "and ".join(
@@ -182,7 +185,8 @@ CASES = [
         for k, M_g in enumerate(TORQUES)
     ),
     Case(
-        "assumed share of wheels with fine teeth, minus its mean, over its standard deviation",
+        "assumed share of wheels with small single pitch deviations: difference from the estimated mean, "
+        "in standard deviations",
         "",
         "table above",
         -1.5,
