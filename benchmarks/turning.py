@@ -1,7 +1,7 @@
 """Benefit of the best hole compared with teeth one accuracy class finer: `python -m benchmarks.turning [--n 400]`.
 
 The tables of docs/tolerance.md are printed, and its figures are written. They show the share of random drives below a
-value of F'_ior, as assembled and in their best holes, with the teeth of the preset and with teeth one class finer
+value of F'_ior, as assembled and in their best holes, with the teeth of the preset and with teeth one class better
 (F'_i1 and F'_i2 divided by the square root of two).
 
 With --support, a table and docs/figures/turning-support.svg show the ratio of F'_ior in the worst hole to that in the
@@ -38,8 +38,8 @@ STYLE += f'[stroke="{RED}"]{{stroke:{ON_DARK[RED]}}} [stroke="{RULE}"]{{stroke:#
 INK = {
     ("nominal", "as assembled"): (RED, ""),
     ("nominal", "best hole"): (RED, DASHES),
-    ("one class finer", "as assembled"): (BLUE, ""),
-    ("one class finer", "best hole"): (BLUE, DASHES),
+    ("one class better", "as assembled"): (BLUE, ""),
+    ("one class better", "best hole"): (BLUE, DASHES),
 }
 
 
@@ -226,7 +226,7 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         for preset in PRESETS:
             cases = {}
-            for finer, teeth in ((False, "nominal"), (True, "one class finer")):
+            for finer, teeth in ((False, "nominal"), (True, "one class better")):
                 torques, records = drives(preset, finer, options.n, executor)
                 for way, key in (("as assembled", "F_ior_arcsec"), ("best hole", "best_F_ior_arcsec")):
                     cases[teeth, way] = np.array([getattr(record, key) for record in records])
