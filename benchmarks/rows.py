@@ -120,10 +120,10 @@ def _processes(runs: list[dict[str, Any]], first_output_s: dict[str, float]) -> 
         if run["over"]:
             other, most = run["over"]
             words = f"time of {named(run['command'])} divided by time of `{other}`"
-            yield Row(_key(run), words, most, run["processor_s"] / took[other], "times")
+            yield Row(_key(run), words, most, run["processor_s"] / took[other], "")
     for command, seconds in first_output_s.items():
         words = f"time until `{command}` shows text on a terminal, divided by time of `{IMPORT.words}`"
-        yield Row("first output", words, FIRST_OUTPUT, seconds / took[IMPORT.words], "times")
+        yield Row("first output", words, FIRST_OUTPUT, seconds / took[IMPORT.words], "")
     for run in runs:
         if run["over"]:
             yield Row("memory", f"memory of {named(run['command'])}", MEMORY_MB, run["all_processes_MB"], "MB")
@@ -150,7 +150,7 @@ def _growth(drives: list[dict[str, Any]]) -> Iterator[Row]:
         first, last = min(us), max(us)
         teeth = f"{last}/{last + 2} teeth, divided by the time with {first}/{first + 2} teeth"
         words = f"time per state with {teeth}, {M_g:g} N·m"
-        yield Row("growth", words, GROWTH, us[last] / us[first], "times")
+        yield Row("growth", words, GROWTH, us[last] / us[first], "")
 
 
 def _coned(drives: list[dict[str, Any]]) -> Iterator[Row]:
@@ -158,4 +158,4 @@ def _coned(drives: list[dict[str, Any]]) -> Iterator[Row]:
         us = {drive["stations"]: drive["us"] for drive in drives if drive["M_g"] == M_g}
         last = max(us)
         words = f"time per state with {last} stations per flank, divided by the time with whole flanks, {M_g:g} N·m"
-        yield Row("coned", words, CONED, us[last] / us[1], "times")
+        yield Row("coned", words, CONED, us[last] / us[1], "")
