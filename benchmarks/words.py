@@ -72,7 +72,7 @@ REASONS = {
     "62 % of the time. The remaining time is computation in numpy for small groups of states. In an earlier version "
     "the command took 33 times as long as the import of cvxpy. That version solved each point of a table at two "
     "torques to obtain the slopes, used twice as many points, and read each slope separately. Next attempt: compute "
-    "tables at further torques only for samples that keep a weight after the trials.",
+    "tables at further torques only for samples with a significant weight after the trials.",
     "proposals": "The search overlooks a maximum between the points of its grid, or it ends early along an extended "
     "ridge. The values of a nominal drive are not affected, because every state of its mesh cycle is solved. The "
     "values of sampled drives are affected. Next attempt: a fourth grid for the positions in which one mesh zone "
@@ -105,8 +105,8 @@ REASONS = {
     "searches that share states between neighbouring holes, and grids in every second hole only, which would save an "
     "estimated seventh of the time.",
     "trials": "The command computes a table of the error for each sample of stiffnesses and clearances, and not only "
-    "one table for the preset. Next attempt: compute tables at further torques only for samples that keep a weight "
-    "after the trials.",
+    "one table for the preset. Next attempt: compute tables at further torques only for samples with a "
+    "significant weight after the trials.",
     "tolerance": "For 150 drives, the solution of states in C takes 45 % of the time. The search in numpy takes 12 "
     "%, and the computation of the scalars of the deviations takes 10 %. Walks and their references take 7 %, "
     "imports 5 %, and the reading of tables 4 %. In a breakdown by purpose, the tables of the error take 15 % and "
