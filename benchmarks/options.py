@@ -33,25 +33,27 @@ ACCURATE = (*SHEET, "--lost-motion", "60", "--accuracy", "60")
 
 @dataclass(frozen=True)
 class Case:
-    """A drive with limits.
+    """A drive with limits at one torque.
 
     name: name of the drive or of its preset.
+    M_g: torque [N*m].
     limits: limits of F'_ior [arcsec].
     made_by: arguments of `presets new` that make the preset, empty for a preset of the library.
     """
 
     name: str
+    M_g: float
     limits: tuple[float, ...]
     made_by: tuple[str, ...] = ()
 
 
 CASES = (
-    Case("csf25", (36, 45), (*ACCURATE, "--coupling", "oldham")),
-    Case("csf25-solid", (45, 60), (*ACCURATE, "--coupling", "solid")),
-    Case("open", (36, 48), SHEET),
-    Case("size-17-100", (42, 50)),
-    Case("size-40-100", (25, 31)),
-    Case("vzp160", (26, 28)),
+    Case("csf25", 6.7, (36, 45), (*ACCURATE, "--coupling", "oldham")),
+    Case("csf25-solid", 6.7, (45, 60), (*ACCURATE, "--coupling", "solid")),
+    Case("open", 6.7, (36, 48), SHEET),
+    Case("size-17-100", 2.4, (42, 50)),
+    Case("size-40-100", 26.5, (25, 31)),
+    Case("vzp160", 80, (26, 28)),
 )
 
 
@@ -93,14 +95,19 @@ def checked(preset: str, options: Sequence[str], folder: str, *, with_options: b
     return answer
 
 
-def compared(preset: str, limit: float, seed: int, most: int, folder: str) -> Iterator[Compared]:
-    """Yield the first options of a check with the results of the edited presets; most: largest number of options."""
-    options = ["--limit", f"{limit:g}", "--seed", str(seed)]
+def compared(preset: str, options: Sequence[str], M_g: float, most: int, folder: str) -> Iterator[Compared]:
+    """Yield the first options of a check with the results of the edited presets.
+
+    preset: preset of the check.
+    options: further arguments of all checks.
+    M_g: torque of all checks [N*m].
+    most: largest number of options.
+    folder: working folder.
+    """
     answer = checked(preset, options, folder, with_options=True)
     if answer is None:
         return
-    governing = answer["least_sure_M_g_Nm"]
-    before = probability(answer, governing)
+    before = probability(answer, M_g)
     edits = [step for step in answer["steps"] if step["edit"] or step["of"] == "cam.coupling"]
     for step in edits[:most]:
         for outcome in step["outcomes"]:
@@ -109,7 +116,7 @@ def compared(preset: str, limit: float, seed: int, most: int, folder: str) -> It
                 continue
             words = [word for text in edit for word in ("--set", text)]
             after = checked(preset, [*options, *words], folder, with_options=False)
-            edited = None if after is None else probability(after, governing)
+            edited = None if after is None else probability(after, M_g)
             if edited is not None:
                 yield Compared(
                     kind=step["kind"],
@@ -153,6 +160,7 @@ def main() -> None:
     reader.add_argument("--seeds", default="0,1", help="seeds of the samples")
     reader.add_argument("--drives", default=",".join(case.name for case in CASES), help="names of the drives")
     reader.add_argument("--most", type=int, default=99, help="options of each check, the first ones")
+    reader.add_argument("--jobs", type=int, default=0, help="number of processes of a check (0: one for each core)")
     arguments = reader.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     rows = []
@@ -167,7 +175,9 @@ def main() -> None:
                 subprocess.run(made, cwd=folder, check=True, capture_output=True)
             for limit in case.limits:
                 for seed in map(int, arguments.seeds.split(",")):
-                    for row in compared(preset, limit, seed, arguments.most, folder):
+                    options = ["--torque", f"{case.M_g:g}", "--limit", f"{limit:g}", "--seed", str(seed)]
+                    options += ["--jobs", str(arguments.jobs)]
+                    for row in compared(preset, options, case.M_g, arguments.most, folder):
                         rows.append(row)
                         stated = f"{row.option:.3f} ({row.low:.3f} to {row.high:.3f})"
                         words = f"{case.name} {limit:g} seed {seed} {row.kind} {row.of}: {row.before:.3f}"
