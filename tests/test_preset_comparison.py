@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import astuple, replace
 from functools import cache
@@ -421,6 +422,13 @@ def test_limit_gives_drives_their_probability_as_assembled_and_best(tmp_path):
         mounted = json.loads(run("mount", name, *limited, cwd=tmp_path).stdout)
         [best] = [each for each in mounted["positions"] if each["hole"] == preset["best"]["hole"]]
         assert preset["best"]["probability"] == [best["probability_kept"]]
+        [low], [high] = preset["best"]["probability_low"], preset["best"]["probability_high"]
+        assert low <= best["probability_kept"] <= high
+        assert 0.01 < high - low < 0.6  # 16 effective samples
+    page = run("compare", "a.yaml", "b.yaml", *[word for word in limited if word != "--json"], cwd=tmp_path).stdout
+    for preset in answer["presets"]:
+        low, high = (preset["best"][f"probability_{end}"][0] for end in ("low", "high"))
+        assert f"({math.floor(round(100 * low, 6))}-{math.ceil(round(100 * high, 6))})" in page
     without = json.loads(run("compare", "a.yaml", "b.yaml", *options, cwd=tmp_path).stdout)
     assert [preset["best"]["probability"] for preset in without["presets"]] == [[None], [None]]
 

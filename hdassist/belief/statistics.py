@@ -38,6 +38,12 @@ class Probability:
     high: float
     few: bool = field(default=False, kw_only=True)
 
+    @classmethod
+    def certain(cls, is_true: bool) -> Probability:
+        """Return the probability 1 or 0 of an event that is known to occur or not."""
+        value = float(is_true)
+        return cls(value, value, value)
+
     @property
     def complement(self) -> Probability:
         """Probability of the opposite outcome."""

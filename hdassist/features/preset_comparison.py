@@ -89,8 +89,8 @@ class DriveSheet:
         """The checked drive."""
         return self.check.drive
 
-    def probabilities_met(self, torque: int) -> tuple[float, float] | None:
-        """Return the probabilities of meeting the limit as assembled and in the best hole.
+    def probabilities_met(self, torque: int) -> tuple[Probability, Probability] | None:
+        """Return the probabilities of meeting the limit as assembled and in the best hole, with their intervals.
 
         The result is None without a limit. Without uncertain inputs, the probabilities are 0 or 1.
 
@@ -103,15 +103,17 @@ class DriveSheet:
             return None
         # without uncertain inputs, the probabilities are 0 or 1
         if point.probability is None:
-            return float(point.F_ior_or_error <= room), float(hole.F_ior_arcsec[torque] <= room)
-        as_assembled = point.probability.value
+            is_met = point.F_ior_or_error <= room
+            is_met_in_hole = hole.F_ior_arcsec[torque] <= room
+            return Probability.certain(is_met), Probability.certain(is_met_in_hole)
+        as_assembled = point.probability
         samples = self.advice.samples
         # the best hole is the present hole, or no better than it
         if samples is None or self.advice.decision.all_alike or not hole.rotation_deg % 360:
             return as_assembled, as_assembled
         column = samples.rotations_deg.index(hole.rotation_deg)
         in_hole = samples.probability(lambda stage: stage.turned_arcsec[:, torque, column] <= room, point.sure)
-        return as_assembled, in_hole.value
+        return as_assembled, in_hole
 
     @property
     def certificate(self) -> Certificate:

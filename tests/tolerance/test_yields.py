@@ -114,3 +114,14 @@ def test_percentiles_are_weighted_with_intervals_that_contain_the_truth() -> Non
     assert np.mean(narrow) > 0.35, "drives of a design are no independent ones: 60 designs, not 300 drives"
     weighted = summary([record(k, float(k), 1.0 + (k == 9)) for k in range(1, 10)])
     assert weighted.percentile(range(1, 10), 0.5).value == pytest.approx(5.5)
+
+
+def test_reductions_count_designs_by_their_weights() -> None:
+    """Nine tenths of the weight belong to a design whose best position halves F'_ior."""
+    point = AtTorque(1.0, None, 0.0)
+    found = Summary((point,), 12, None)
+    for design, weight, best in ((0, 1.0, 9.0), (1, 9.0, 5.0)):
+        drive = RandomDrive(design=design, weight=weight, F_ior_arcsec=(10.0,), best_F_ior_arcsec=(best,), values={})
+        found.add([drive for _ in range(4)])
+    assert found.reduction(point, 0.5).value == pytest.approx(0.5)
+    assert found.reduction(point, 0.05).value == pytest.approx(0.1)

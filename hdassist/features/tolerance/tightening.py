@@ -48,12 +48,14 @@ class Tightened:
 
     path: path of the tolerance.
     now, then: percentile now and with the tighter tolerance [arcsec].
+    now_error: standard error of the present percentile [arcsec].
     low, high: Monte Carlo interval of the percentile with the tighter tolerance [arcsec].
     proven: whether the extremes were located again; if not, the percentile may be larger than `then`.
     """
 
     path: str
     now: float
+    now_error: float
     then: float
     low: float
     high: float
@@ -275,17 +277,15 @@ def _tightened(
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
         now_quantile, then_quantile = (weighted_quantile(values, weights, _HIGH_SHARE) for values in (before, after))
-        gains = [
-            weighted_quantile(before[rows], weights[rows], _HIGH_SHARE)
-            - weighted_quantile(after[rows], weights[rows], _HIGH_SHARE)
-            for rows in resampled
-        ]
+        resampled_now = np.array([weighted_quantile(before[rows], weights[rows], _HIGH_SHARE) for rows in resampled])
+        resampled_then = np.array([weighted_quantile(after[rows], weights[rows], _HIGH_SHARE) for rows in resampled])
         # the largest gain gives the lower end of the percentile
-        low, high = now_quantile - np.quantile(gains, _ENDS[::-1])
+        low, high = now_quantile - np.quantile(resampled_now - resampled_then, _ENDS[::-1])
         steps.append(
             Tightened(
                 path=path,
                 now=now_quantile,
+                now_error=float(resampled_now.std()),
                 then=then_quantile,
                 low=float(low),
                 high=float(high),

@@ -264,8 +264,8 @@ class Summary:
         settled = is_settled(reached[0].low, reached[1].high, self.sure)
         return verdict_by_probability(reached[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
-    def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
-        """Return a percentile of F'_ior of the drives [arcsec].
+    def percentile(self, F_ior: Sequence[float] | Array, share: float) -> Percentile:
+        """Return a percentile over the drives of F'_ior [arcsec] or of another value.
 
         The interval takes into account that drives of one design are not independent.
         """
@@ -279,6 +279,10 @@ class Summary:
         step = _INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
         low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
         return Percentile(value, min(low, value), max(high, value))
+
+    def reduction(self, point: AtTorque, share: float) -> Percentile:
+        """Return a percentile of the relative reduction of F'_ior in the best position; share: from 0 to 1."""
+        return self.percentile(point.gains(), share)
 
 
 def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float | None] | None:

@@ -9,6 +9,7 @@ from string import ascii_uppercase
 
 import numpy as np
 
+from hdassist.belief.statistics import Probability
 from hdassist.drive.model.deviations import unknown_names, unknown_notes, unknowns
 from hdassist.drive.model.geometry import Kinematics
 from hdassist.drive.preset.fields import UNKNOWN as NOT_KNOWN
@@ -402,11 +403,11 @@ def _limit_heads(result: DrivesComparison) -> tuple[str, ...]:
     """Return the column heads for the probabilities of meeting a limit; empty if no drive has a limit."""
     places = range(len(result.torques))
     has_limit = any(sheet.probabilities_met(place) is not None for sheet in result.sheets for place in places)
-    return ("P(met)", "P(met), best hole") if has_limit else ()
+    return ("P(met), %", "P(met), best hole, %") if has_limit else ()
 
 
 def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
-    """Return the cells for the probability of meeting the limit, as assembled and in the best hole.
+    """Return the cells for the probability of meeting the limit, as assembled and in the best hole [%].
 
     torque: index of the torque.
     """
@@ -414,7 +415,12 @@ def _met_cells(sheet: DriveSheet, torque: int) -> tuple[str, str]:
     if probabilities is None:
         return NO_VALUE, NO_VALUE
     as_assembled, in_best_hole = probabilities
-    return f"{100 * as_assembled:.0f} %", f"{100 * in_best_hole:.0f} %"
+    return _probability_cell(as_assembled), _probability_cell(in_best_hole)
+
+
+def _probability_cell(probability: Probability) -> str:
+    """Return the table cell of a probability [%] with its interval."""
+    return probability.text().replace(" %", "").replace(" to ", "-")
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
@@ -580,11 +586,15 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     check = report_object(check_report(sheet.check, seed))
     best = sheet.advice.chosen
     is_one = sheet.advice.names_hole
+    probabilities = [sheet.probabilities_met(k) for k in range(len(best.F_ior_arcsec))]
+    in_best_hole = [of_torque and of_torque[1] for of_torque in probabilities]
     ordered = {
         "hole": best.hole if is_one else None,
         "rotation_deg": best.rotation_deg if is_one else None,
         "F_ior_arcsec": list(best.F_ior_arcsec),
-        "probability": [met and met[1] for met in map(sheet.probabilities_met, range(len(best.F_ior_arcsec)))],
+        "probability": [probability and probability.value for probability in in_best_hole],
+        "probability_low": [probability and probability.low for probability in in_best_hole],
+        "probability_high": [probability and probability.high for probability in in_best_hole],
     }
     return {
         **check["preset"],

@@ -272,7 +272,8 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
     """Return the reason why, at some torque, the best hole is worse than the hole as assembled.
 
-    The text is empty if no percentile of F'_ior is larger in the best holes than as assembled.
+    The text is empty if neither a percentile of F'_ior nor the 5th percentile of its reduction is worse in the best
+    holes than as assembled.
     """
     built, best = (
         np.array(
@@ -280,7 +281,10 @@ def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
         )
         for way in (False, True)
     )
-    if not best.size or not np.any(best > built):
+    if not best.size:
+        return ""
+    smallest_reduction = min(summary.reduction(point, 0.05).value for point in summary.points)
+    if not np.any(best > built) and smallest_reduction >= 0:
         return ""
     reference = "its limit" if summary.has_limit else "the value as assembled"
     hole = f"one hole per drive for all torques, with the smallest F'_ior relative to {reference} at the worst torque"
@@ -312,7 +316,7 @@ def _reasons(summary: Summary) -> Iterator[str]:
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = 100 * np.quantile(point.gains(), [share for *_, share in _PERCENTILES])
+            low, median, high = (100 * summary.reduction(point, share).value for *_, share in _PERCENTILES)
             off.append(f"{median:z.0f} % ({low:z.0f} to {high:z.0f}) at {point.M_g:g} N·m")
         yield f"Reduction of F'_ior by the best hole, median (5 to 95 % of the drives): {', '.join(off)}"
 
@@ -369,7 +373,7 @@ def _values(
         "operating_points": [
             {
                 **attributes(point, M_g_Nm="M_g", limit_arcsec="limit", self_error_arcsec="self_error"),
-                "gain": {name: np.quantile(point.gains(), share) for name, _, share in _PERCENTILES},
+                "gain": {name: summary.reduction(point, share).value for name, _, share in _PERCENTILES},
                 **{name: _F_ior_object(_MountedDrives(summary, point, best)) for name, best in ways.items()},
             }
             for point in summary.points
@@ -431,7 +435,7 @@ class _FieldEffect:
     tightened: Tightened | None
 
 
-_TIGHTENED_KEYS = ("now", "then", "low", "high", "proven", "reduction", "reduction_low", "reduction_high")
+_TIGHTENED_KEYS = ("now", "now_error", "then", "low", "high", "proven", "reduction", "reduction_low", "reduction_high")
 _EFFECT_CSV = quantity_table("sensitivity.csv")
 _EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
@@ -515,7 +519,7 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """
     first = found.first
     largest = found.largest
-    percentile = f"the 95th percentile of F'_ior ({first.now:.1f}″)"
+    percentile = f"the 95th percentile of F'_ior ({to_error_digit(first.now, first.now_error, 1)}″)"
     if found.is_worth_tightening:
         reduction = _reduction_words(first, " %")
         return named(first.path), f"If this tolerance is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
