@@ -40,7 +40,7 @@ states how strong each comparison is as a test of the model:
 |predicted|The expected value was not used in any fit. Only these rows test the model.|
 |fitted|The expected value was used in a fit of other inputs. Agreement is therefore no test of the model.|
 |bound|The expected range limited a fit. Agreement is therefore no test of the model.|
-|prior|The value tests the assumed ranges by sampled drives. A miss speaks against the ranges, but is no refutation.|
+|prior|The value is compared with sampled drives. A miss is an argument against the assumed ranges, but no refutation.|
 |reading|The value was read from a recording without use of the model.|
 |exact|The expected value is a closed-form solution. Agreement verifies the solution of the equations.|
 |convergence|The result must not depend on the resolution of the computation.|
@@ -53,7 +53,7 @@ the width of the accepted range or the cause of a miss. If the column *source* i
 applies.
 
 Rows of the kind *prior* are weaker tests than predictions. One of ten actual drives lies outside a range from the 5th
-to the 95th percentile although the assumed ranges are right. Load, coupling and size of the published drives are also
+to the 95th percentile even if the assumed ranges are correct. Load, coupling and size of the published drives are also
 partly unknown. Only several misses in the same direction, by drives with known conditions, would refute the ranges.
 
 The gain from moving the fixed wheel is the reduction of F'_ior in another hole. The predicted gain has not been
