@@ -392,7 +392,7 @@ def test_the_rest_stands_in_the_details(better):
     short, long = (on_paper(report, ascii=True, details=details) for details in (False, True))
     plain = in_a_line(short)
     assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
-    for words in ("fields that differ", "25 (override)", "equilibrium", "each field alone from A to B"):
+    for words in ("fields that differ", "25 (override)", "equilibrium", "a single field is changed from A to B"):
         assert words in long
         assert words not in short
 

@@ -322,7 +322,7 @@ def _target(
     high = numbers.get("high", inf)
     has_range = "low" in numbers or "high" in numbers
     if (value is None) != has_range or not low < high:
-        document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
+        document.add(path, "needs either a value with its tolerance, or low and/or high, with low below high", got="")
         return
     # a tolerance in percent refers to the larger end
     ends = (low, high) if value is None else (value, value)

@@ -489,8 +489,8 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
             if axis.path in [before.path for before in axes]:
                 raise InvalidValueError("each field only once", "give one range, or one list with all values")
             if is_overridden(axis.path, overrides):
-                hint = f"leave out {_VARY} or --set and --torque"
-                raise InvalidValueError("a field that is not set to one value", hint)
+                hint = f"leave out either {_VARY} or --set and --torque for this field"
+                raise InvalidValueError("a field that neither --set nor --torque sets", hint)
         except InvalidValueError as fault:
             message = f"invalid {_VARY} {shown(text) or 'nothing'}: expected {fault.message}"
             raise UsageError(message, fault.hint) from None
@@ -520,7 +520,7 @@ def _axis(text: str) -> Axis:
         raise InvalidValueError("KEY=START:STOP:STEPS", _FORM)
     numbers = [_axis_number(part, field) for part in (parts[:2] if is_grid else parts)]
     if len(set(numbers)) < len(numbers):
-        raise InvalidValueError("each value only once")
+        raise InvalidValueError("each value only once", "leave out the repeated value")
     if is_grid:
         start, stop = (Fraction(repr(number)) for number in numbers)
         numbers = _grid(start, stop, parts[2], field.kind == "count")
@@ -557,10 +557,11 @@ def _grid(
     """Return even values from start to stop, rounded only once. Raises InvalidValueError for invalid steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
-        raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", _FORM)
+        raise InvalidValueError(f"a number of steps from 2 to {MOST_VALUES}", _FORM)
     places = [start + (stop - start) * k / (count - 1) for k in range(count)]
     if is_count and any(place.denominator > 1 for place in places):
-        raise InvalidValueError("steps on whole numbers")
+        hint = "use another number of steps, or list the values: KEY=A,B,C"
+        raise InvalidValueError("a number of steps that gives whole numbers only", hint)
     return [int(place) if is_count else float(place) for place in places]
 
 

@@ -367,7 +367,8 @@ def _paired(
     # importance weights replace the reference data of the first drive by those of the second
     weights = np.exp(np.array(gains) - max(gains))
     if effective_number(weights) < _LEAST_EFFECTIVE * count:
-        raise UntrustedError("too few pairs of samples agree with the reference data of both drives")
+        message = "too few pairs of samples agree with the reference data of both drives"
+        raise UntrustedError(message, "check the reference data of both presets")
     # as many pairs as samples are selected by their weights
     even = even_rows(weights, count)
     second_drives = map(other.drive.with_values, samples.values(even))

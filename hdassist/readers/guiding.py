@@ -189,7 +189,7 @@ def guide_rows(lines: Sequence[str], form: GuideForm) -> GuideRows:
     total = sum(len(section.frames) for section in sections)
     notes = (
         f"a guide log of PHD2: lines {first + 1} to {last + 1}, {len(frames)} of {total} frames, {rate_words}; {where}",
-        f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; its sense is unknown",
+        f"error in right ascension over the angle at {SIDEREAL_ARCSEC_S:g} arcsec/s; the sense is unknown",
     )
     table = tuple(rows.get(number, "") for number in range(len(lines)))
     return GuideRows(
@@ -316,7 +316,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
     Raises DataError if the guide rate or the declination is unknown.
     """
     if not isfinite(facts.declination):
-        description = "a guided section of a guide log with an unknown declination, on which the guide rate depends"
+        description = "the guide log does not state the declination, on which the guide rate depends"
         raise DataError(description, "state the declination: --declination DEG")
     px_per_arcsec = cos(radians(facts.declination)) / facts.scale
     rates = _rates_of_log(facts, px_per_arcsec)
@@ -328,7 +328,7 @@ def _guide_rate(facts: _Facts, form: GuideForm) -> _GuideRate:
             origin += f", although the log states {rates[0][0]:.3g} arcsec/s {rates[0][1]}"
         return _GuideRate(stated * px_per_arcsec, 0.0, origin)
     if not rates:
-        description = "a guided section of a guide log without its guide rate"
+        description = "the guide log does not state the guide rate"
         raise DataError(description, "state it with --guide-rate ARCSEC/S, for example 7.52 for half the sidereal rate")
     rate, origin = rates[0]
     uncertainty = _ONE_RATE_UNCERTAINTY
@@ -348,7 +348,7 @@ def _rates_of_log(facts: _Facts, px_per_arcsec: float) -> list[tuple[float, str]
     elif facts.at_equator > 0:
         rates.append((facts.at_equator, "as calibrated"))
     if facts.guide_speed > 0:
-        rates.append((facts.guide_speed, "as the mount states it"))
+        rates.append((facts.guide_speed, "as stated by the mount"))
     return rates
 
 

@@ -364,7 +364,7 @@ def _rows_by_tooth(
     for row, number in enumerate(table.values[:, column].tolist()):
         if not number.is_integer():
             hint = "put tooth numbers in the first column, or name the columns"
-            table.add_at(row, column, "must be the whole number of a tooth", f"{number:g}", hint)
+            table.add_at(row, column, "must be a tooth number (a whole number)", f"{number:g}", hint)
             return 1, []
         # rows may be in any order, but each tooth must occur once
         if row_of.setdefault(int(number), row) != row:
@@ -403,7 +403,7 @@ def _cumulative(
     name, size = unit
     values = table.values[order, column] * size
     if size != 1:
-        table.notes.append(f"{name} to um")
+        table.notes.append(f"converted from {name} to um")
     # cumulative deviations are sums of single ones, starting at the first tooth
     if is_single:
         gap = float(values.sum())
@@ -461,7 +461,8 @@ class WheelFiles:
             if not isfinite(mark):
                 raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
         if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
-            raise UsageError("--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g")
+            message = "--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g"
+            raise UsageError(message, "name the file with --pitch-b FILE or --pitch-g FILE")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
         """Return the measured wheels of a drive, with notes on assumptions, or None if no file is given.
@@ -501,6 +502,6 @@ class WheelFiles:
             composite, *harmonics = IN_TEETH[name]
             replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
             without_effect = (*replaced, *filter(drive.number, harmonics))
-            notes += [f"{path} has no effect, the teeth are measured" for path in without_effect]
+            notes += [f"{path} has no effect, because the teeth are measured" for path in without_effect]
             wheels[name] = MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
         return MeasuredTeeth(**wheels) if wheels else None

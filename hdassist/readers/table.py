@@ -569,7 +569,9 @@ class _Rows:
         rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         if not rows:
             first = sample[0] if sample else TableLine(1, "", 0)
-            hint = f"rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
+            hint = (
+                f"write rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
+            )
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
         first_number, first_row = rows[0]
         # the most frequent width applies, because a single row may be faulty
@@ -868,7 +870,7 @@ def _of_pe_file(lines: list[str], table: NumberTable) -> Iterator[str]:
     column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
     table.deg_per_s = 360 / period
     table.notes.append(
-        f"a PE file of EQMOD: one input revolution in the worm period of {period:g} s, by {by}; its sense is unknown"
+        f"a PE file of EQMOD: one input revolution in the worm period of {period:g} s, by {by}; the sense is unknown"
     )
     names = "cam_deg error_arcsec"
     for line in lines:

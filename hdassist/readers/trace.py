@@ -778,7 +778,7 @@ def _require_small_error(
         message = f"{spans}: here it jumps by {leap:.3g} deg and stays"
         raise table.fault(message, _RESTART_HINT, row, column)
     row = int(np.abs(error - np.median(error)).argmax())
-    leaves_out = "; --robust leaves out single ones" if has_far_readings else ""
+    leaves_out = "; --robust leaves out single outliers" if has_far_readings else ""
     raise table.fault(spans, f"check the column of the error, its unit and the ratio{leaves_out}", row, column)
 
 
@@ -854,7 +854,7 @@ def _second(
         turns = f"the input rotates {1 / abs(slope):.5g} times as far" if slope else "the output does not rotate"
         raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
-    table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
+    table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}, in the senses of the two encoders")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * _ARCSEC_PER_DEG
     return error, sense
 

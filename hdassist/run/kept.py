@@ -100,7 +100,7 @@ class KeptOwner(ClosedRecord):
             if before.get(key) != after.get(key)
         ]
         if differences:
-            raise UsageError(f"{path} holds the work of another run: {'; '.join(differences)}", _OTHER_FILE)
+            raise UsageError(f"{path} contains results of another run: {'; '.join(differences)}", _OTHER_FILE)
 
 
 _OWNER = TypeAdapter(KeptOwner)

@@ -79,7 +79,7 @@ def test_other_values_are_those_of_each_sample(drawn):
     # the second way: the error of that drive over every state
     error = kinematic_error(sampled, 4.0, run=UNCHECKED).error_arcsec
     second = 2 * abs(np.mean(error * np.exp(-2j * np.pi * 20 * np.arange(len(error)) / len(error))))
-    assert samples.figures["amplitude of order 2 alone at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
+    assert samples.figures["amplitude of order 2 without sidebands at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
 
 
 @pytest.mark.thorough
@@ -147,7 +147,7 @@ def test_accept_page_lists_the_options_and_how_to_measure():
     page = in_a_line(done.stdout)
     assert done.returncode == 6
     assert page.startswith("tiny: INCONCLUSIVE probability that F'_ior + self error at 4 N·m is ≤ ")
-    for words in ("predicted: PASS from a probability of 95 %", "--measured 4=FILE", "options to meet ",
+    for words in ("predicted: PASS if the probability is at least 95 %", "--measured 4=FILE", "options to meet ",
                   "notes unknown deviations (hdassist explain UNKNOWN) next hdassist accept "):  # fmt: skip
         assert words in page
     page = in_a_line(run(*asked, "--draws", "4", "--sure", "0.96").stdout)

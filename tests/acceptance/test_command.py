@@ -123,7 +123,7 @@ def test_unstated_uncertainty_source_is_inconclusive_and_named_with_its_option(r
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
-    words = "no uncertainty is stated for coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 if"
+    words = "no uncertainty is stated for coupling, temperature: use --budget coupling=U,temperature=U, U in ″, or 0"
     page = in_a_line(done.stdout)
     assert words in page
     following = page.partition("next ")[2].partition(" more ")[0]
@@ -142,7 +142,7 @@ def test_people_see_each_check_with_how_it_is_known(rig):
     assert done.returncode == 3
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert done.stdout.isascii()
-    for words in ("small: FAIL", "measured: guard band of 1.65 u", "predicted: PASS from a probability", "<= 400",
+    for words in ("small: FAIL", "measured: guard band of 1.65 u", "predicted: PASS if the probability", "<= 400",
                   "F'_ior at 4 N*m", "BUDGET: run.csv", "equilibrium",
                   "explain F_IOR ORDER LOST_MOTION"):  # fmt: skip
         assert words in done.stdout
@@ -283,4 +283,4 @@ def test_next_command_replaces_the_recording_that_leaves_a_check_open(rig):
     silent = in_a_line(run("accept", SMALL, "--measured-only", *asked[:2], *asked[6:], cwd=rig).stdout)
     assert "--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U" in silent
     travel = in_a_line(accepted(rig, *asked, "--set", "acceptance.travel=180").stdout)
-    assert "the whole travel, 180° of the output, 15 input revolutions" in travel
+    assert "the whole travel of 180° at the output (15 input revolutions)" in travel

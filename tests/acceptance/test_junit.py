@@ -78,7 +78,7 @@ def test_each_verdict_reads_right(told):
     assert message.startswith("DATA_ERROR: ")
     assert "none.csv" in body
     assert body.endswith("hdassist explain FILE_UNREADABLE")
-    assert read["part", "lost motion"][:3] == ("skipped", "", "not tested: nothing was measured")
+    assert read["part", "lost motion"][:3] == ("skipped", "", "not tested: no measured value")
     counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
     assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
     assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
@@ -125,7 +125,7 @@ def test_junitparser_counts_the_same(told, tmp_path):
 
 def test_remarks_stand_once_and_fail_nothing_by_themselves(told):
     text = junit("lot", told)
-    assert text.count("remark NOT_TESTED: lost motion") == 1
+    assert text.count("note NOT_TESTED: lost motion") == 1
     root = parseString(text).documentElement
     assert root is not None
     *_, part = elements(root, "testsuite")

@@ -257,7 +257,7 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
         (lambda told: told | {"certificate": {"engine": 1}}, "a.json:1: a result is incomplete: certificate"),
         (lambda told: told | {"exit_code": 7}, "a.json:1: a result is incomplete: exit_code: expected 3, got 7"),
         (lambda told: told | {"verdict": None}, "a.json:1: a result is incomplete: expected either"),
-        (lambda told: told | {"checks": []}, "a.json:1: a result is incomplete: checks: expected one at least"),
+        (lambda told: told | {"checks": []}, "a.json:1: a result is incomplete: checks: expected at least one"),
         (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: a result is incomplete: pitch.0."),
     ],
 )
@@ -459,7 +459,7 @@ def test_a_lot_without_one_answer_says_so(folder, here):
     code, page, _ = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
     assert code == 4
     assert page.splitlines()[:2] == [
-        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive has a decision; the table gives the reasons"
+        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive passes or fails; the table gives the reasons"
     ]  # fmt: skip
 
 
@@ -499,7 +499,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     (folder / "run.csv").write_text("phi_h_deg,error_arcsec\n0,1\n1,2\n")
     code, _, err = here("accept", "run.csv")
     assert code == 4
-    assert "none of the column names is that of a lot" in err
+    assert "none of the column names belongs to a lot" in err
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
 
 
@@ -508,7 +508,7 @@ def test_identical_recordings_raise_a_warning_and_common_errors_print_once(folde
     (folder / "copy.csv").write_bytes((folder / "run.csv").read_bytes())
     rows = ["serial;measured@4;limit F_ior@4", "A;run.csv;60", "B;copy.csv;60", "C;gone.csv;60"]
     (folder / "lot.csv").write_text("\n".join(rows) + "\n")
-    words = "A, B have the same record: run.csv, copy.csv"
+    words = "A, B contain the same recording: run.csv, copy.csv"
     code, out, told = here(*MEASURED, "--json")
     assert (code, json.loads(out)["warnings"]) == (4, [words])
     assert f"warning: {words}" in told

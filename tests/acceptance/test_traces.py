@@ -44,7 +44,7 @@ def test_a_trace_of_the_full_cycle_decides():
     spectrum = 2 * np.abs(np.fft.rfft(CURVE(fine))) / len(fine)
     assert second.value == pytest.approx(spectrum[2 * CYCLE], abs=2 * second.expanded_uncertainty)
     assert {k.extent for k in (F_ior, within, second)} == {"whole"}
-    assert found.left_out == ("amplitude of order 2 alone at 1 N·m",)
+    assert found.left_out == ("amplitude of order 2 without sidebands at 1 N·m",)
     assert {note.code for note in found.remarks} == {"BUDGET", "NOT_TESTED"}
 
 
@@ -59,7 +59,7 @@ def test_short_partial_cycle_can_fail_a_drive_but_never_pass():
     facts = facts_of(accept_report(found, None, drive))
     assert (
         facts["measure"]
-        == "the full mesh cycle, 30 input revolutions; a recording of less than a third cannot give PASS"
+        == "the full mesh cycle of 30 input revolutions; a recording of less than a third of the cycle cannot give PASS"
     )
     assert facts["next"].endswith("--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
@@ -122,7 +122,8 @@ def test_unstated_uncertainty_source_prevents_pass_unless_the_rule_is_simple():
         found = accept(small(*limits), measured, measured_only=True)
         assert [d.verdict for d in found.checks] == ["INCONCLUSIVE"] * 3
         assert {d.reason for d in found.checks} == {
-            f"no uncertainty is stated for {missing}: --budget {missing}=U, U in ″, 0 if a source adds nothing"
+            f"no uncertainty is stated for {missing}: use --budget {missing}=U, U in ″, or 0 for a source "
+            "without effect"
         }
         lenient = small(*limits, overrides=("acceptance.rule=simple",))
         assert accept(lenient, measured, measured_only=True).verdict == "PASS"

@@ -230,7 +230,7 @@ def test_doctor_reports_folder_and_size_of_the_cache(folder, monkeypatch):
     drawn()
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
     assert found["cache"].startswith(f"{folder}, ")
-    assert "MB; HDASSIST_CACHE sets another folder, --empty-cache removes them" in found["cache"]
+    assert "MB; HDASSIST_CACHE sets another folder, --empty-cache deletes them" in found["cache"]
     monkeypatch.setitem(process.CLEAN, kept.NO_CACHE, "1")
     assert "no results are cached" in " ".join(run("doctor").stdout.split())
     monkeypatch.setitem(process.CLEAN, kept.FOLDER, "/proc/nowhere")

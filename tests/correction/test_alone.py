@@ -167,7 +167,7 @@ def test_single_cycle_cannot_resolve_noise_and_a_part_is_refused(tmp_path: Path)
         float(end) for end in re.search(r"correction terms (\S+)-(\S+) ", page.partition("residual F'_ior")[2]).groups()
     ]
     assert left[0] < 18.9 < left[1]
-    assert not {"record first", "next "} & set(re.findall("record first|next ", page))
+    assert not {"record the error first", "next "} & set(re.findall("record the error first|next ", page))
     refused = run("compensate", "part.csv", *options, cwd=tmp_path)
     assert refused.returncode == 5
     assert "% of the full cycle" in refused.stderr

@@ -95,7 +95,7 @@ def test_correction_that_may_worsen_a_drive_is_refused(tmp_path: Path):
     table = tmp_path / "table.csv"
     page = run("compensate", TINY, *OPEN, "--csv", str(table), "--no-plot")
     assert page.returncode == 5
-    assert "record first: " in page.stdout
+    assert "record the error first: " in page.stdout
     assert "correction terms: refused" in page.stderr
     few = run("compensate", TINY, *OPEN, "--form", "output", "--points", "12", "--no-plot").stdout
     assert "points over one output revolution would halve" in in_a_line(few.partition("The error repeats")[0])

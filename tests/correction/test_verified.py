@@ -67,11 +67,11 @@ def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
 @pytest.mark.parametrize(
     ("way", "shift", "cause"),
     [
-        (-1, 0, "its sign is flipped"),
-        (1, TURN // 2, "its zero is off by 180° of the input"),
-        (1, 20, "its zero is off by 40° of the input"),
+        (-1, 0, "the sign of the correction is wrong"),
+        (1, TURN // 2, "the zero of the correction is off by 180° of the input"),
+        (1, 20, "the zero of the correction is off by 40° of the input"),
         (1, -3 * TURN, "3 input revolutions are lost"),
-        (-1, TURN // 4, "its sign is flipped, its zero is off by 90° of the input"),
+        (-1, TURN // 4, "the sign of the correction is wrong, the zero of the correction is off by 90° of the input"),
         (0, 0, "the correction is not on"),
     ],
 )
@@ -115,7 +115,7 @@ def test_a_refused_correction_has_no_promise_to_keep(bench):
     after = write(folder / "refused.csv", error + taken)
     answer = run("compensate", TINY, "--set", "phases.xi_b=unknown", "--draws", "4", *ON, "--after", after)
     assert answer.returncode == 5
-    assert "record first" in answer.stdout
+    assert "record the error first" in answer.stdout
 
 
 @pytest.mark.thorough

@@ -91,7 +91,7 @@ def test_a_page_says_what_is_compared():
     assert heads[3:5] == ["catalogue", "difference"]
     assert [row[3] for row in rows] == 2 * ["0.3", "-", "0.59"]
     assert [bool(re.fullmatch(r"[-+]\d+ %", row[4])) for row in rows] == 2 * [True, False, True]
-    assert re.search(r"catalogue +at most 300 arcsec.* is below it", in_a_line(page))
+    assert re.search(r"catalogue +at most 300 arcsec.* is below this limit", in_a_line(page))
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
     assert "so K is not compared" in in_a_line(page)
     assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
@@ -126,7 +126,7 @@ def test_stiffness_reports_how_far_lost_motion_exceeds_the_catalogue_limit(found
     limit = found.lost_motion_arcsec / 1.25
     drive = load_preset(SMALL, [f"catalogue.lost_motion={limit}"])
     (fact,) = [text for label, text in stiffness_report(drive, found).blocks[1].rows if label.strip() == "catalogue"]
-    assert fact.endswith("exceeds it by 25 %")
+    assert fact.endswith("exceeds this limit by 25 %")
 
 
 def test_torque_options_do_not_change_the_rated_torque() -> None:
@@ -144,7 +144,7 @@ def test_torque_options_do_not_change_the_rated_torque() -> None:
 def test_warnings_name_the_torque_that_replaces_the_rated_torque(found: Stiffness) -> None:
     for overrides in ([], ["operation.M_g=[0.5]"]):
         (warning,) = stiffness_warnings(load_preset(SMALL, overrides), found)
-        assert "4 N*m, the largest of its operation.M_g" in warning
+        assert "4 N*m, the largest torque in operation.M_g" in warning
     assert stiffness_warnings(load_preset(SMALL, ["operation.rated=4"]), found) == ()
 
 

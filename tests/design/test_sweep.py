@@ -99,7 +99,7 @@ def test_sweep_in_a_pipe_prints_csv_and_warns_about_unknowns():
     assert header == ["harmonics.a_b2", "M_g_Nm", "F_ior_arcsec", "max_residual", "reason"]
     assert [float(row[0]) for row in rows] == [0, 3]
     assert float(rows[0][2]) != float(rows[1][2])
-    assert done.stderr == "warning: small: unknown, and computed as 0: harmonics.xi_b2\n"
+    assert done.stderr == "warning: small: unknown, and set to 0: harmonics.xi_b2\n"
 
 
 def test_json_has_rows_and_ends(tmp_path):
@@ -354,6 +354,6 @@ def test_a_sweep_says_that_it_takes_unknown_inputs_as_zero(tmp_path):
         rows = str(tmp_path / f"{number}.jsonl")  # a page stands on the terminal if the rows go to a file
         pages.append(in_a_line(run("sweep", SMALL, *vary, "--set", f"tolerances.e_hh={value}", "-o", rows).stdout))
     told = json.loads(run("sweep", SMALL, *vary, "--set", "tolerances.e_hh=unknown", "--json").stdout)
-    assert [("taken as 0" in page) for page in pages] == [False, True]
+    assert [("set to 0" in page) for page in pages] == [False, True]
     assert told["statistic"] == "nominal"
     assert "tolerances.e_hh" in [field["field"] for field in told["unknown"]]

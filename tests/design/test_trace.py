@@ -93,7 +93,7 @@ def test_trace_names_unknown_inputs_that_it_computes_as_zero():
     done = run("trace", SMALL, "--torque", "4", "--set", "phases.phi_hb=unknown", "--json")
     told = json.loads(done.stdout)
     assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
-    assert told["warnings"] == ["unknown, and computed as 0: phases.phi_hb"]
+    assert told["warnings"] == ["unknown, and set to 0: phases.phi_hb"]
     assert told["warnings"][0] in done.stderr
 
 
@@ -109,5 +109,5 @@ def test_trace_uses_nominal_values_and_notes_that_measurements_are_ignored():
 def test_trace_without_known_deviations_lists_no_orders_of_zero_amplitude():
     unknown = [word for size in ("F_i1", "F_i2", "e_hb", "e_hh") for word in ("--set", f"tolerances.{size}=unknown")]
     page = run("trace", TINY, "--torque", "4", *unknown).stdout
-    assert "Unknown inputs are taken as 0" in in_a_line(page)
+    assert "Unknown inputs are set to 0" in in_a_line(page)
     assert not re.search(r"^ *\d+\.\d\d +0\.00 ", page, re.MULTILINE)

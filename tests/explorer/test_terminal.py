@@ -141,16 +141,18 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
-        terminal.wait_for("returns to the session")
+        terminal.wait_for("restores the session")
         terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
         assert (
-            f"back to it: hdassist explore {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n" in left
+            f"restore the session: hdassist explore {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n"
+            in left
         )
         assert (
-            f"its numbers: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n" in left
+            f"numbers of the drive: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n"
+            in left
         )
     assert vanished(before)
 

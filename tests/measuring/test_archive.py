@@ -197,7 +197,7 @@ def test_only_what_is_alike_and_whole_is_compared():
     assert found.is_changed is False
     page = on_paper(history_report("17-1", "rig", [entry(), *more, entry(F_ior=20.5)]))
     assert "no change beyond its uncertainty" in page
-    assert "left out lower bounds from a part of the cycle: 1" in in_a_line(page)
+    assert "left out 1 result that is only a lower bound, from part of the cycle" in in_a_line(page)
     assert "nothing to compare" in on_paper(history_report("17-1", "rig", [entry(unstated=("reseating",))]))
 
 

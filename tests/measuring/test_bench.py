@@ -137,7 +137,7 @@ def test_the_page_has_values_as_accept_takes_them(tmp_path):
     words = in_a_line(beside)
     assert f"next hdassist accept {SMALL}" in words
     assert "--limit hysteresis_loss=LIMIT --limit lost_motion=LIMIT" in words
-    assert "rated torque 40.5 N·m: the largest of the loop; small has no operation.rated" in words
+    assert "rated torque 40.5 N·m: the largest torque of the loop; small has no operation.rated" in words
     assert '"torque_Nm": torque, N·m' in words
     assert "places" in beside
 

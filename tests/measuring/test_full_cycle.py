@@ -178,6 +178,6 @@ def test_orders_with_the_same_readings_are_both_named():
     fine = np.arange(0, 1, 1 / 2000)
     assert high > max(float(np.ptp(with_order(order, fine))) for order in (5, 15))
     facts = facts_of(measure_report(result, None))
-    assert "order 5 may be order 15, with the same readings" in facts["images"]
+    assert "order 5 may be order 15, which gives the same readings" in facts["images"]
     finer = with_full_cycle(measured(turns / 2, with_order(15, turns / 2)))
     assert "images" not in facts_of(measure_report(finer, None))

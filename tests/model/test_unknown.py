@@ -90,7 +90,7 @@ def test_unknown_wheel_or_eccentricity_direction_makes_all_holes_equal(overrides
 
 def test_what_is_computed_as_0_is_said():
     drive = load_preset(SMALL, ["phases.phi_hb=unknown", "harmonics.a_g3=unknown"])
-    assert unknown_notes(drive) == ("unknown, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
+    assert unknown_notes(drive) == ("unknown, and set to 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
 
 
 def test_unknown_harmonics_are_limited_by_their_wheel():

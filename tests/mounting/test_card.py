@@ -410,9 +410,9 @@ def test_an_instruction_in_russian():
 
 @pytest.mark.parametrize("language", ["xx", "", "../en", "EN"])
 def test_an_unknown_language_names_those_there_are(language):
-    with pytest.raises(UsageError, match="no language") as refused:
+    with pytest.raises(UsageError, match="unknown language") as refused:
         texts(language)
-    assert refused.value.hint == "available: en, ru"
+    assert refused.value.hint == "use one of en, ru"
 
 
 def test_card_states_that_a_mark_is_unknown_and_draws_none():

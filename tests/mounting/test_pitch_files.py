@@ -125,9 +125,15 @@ def test_options_say_what_a_file_does_not(files):
 
 def test_an_override_without_effect_is_noted(files):
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.F_i2=60", files=files)
-    assert "note: circular spline, wheel.csv: tolerances.F_i2 has no effect, the teeth are measured\n" in told.stderr
+    assert (
+        "note: circular spline, wheel.csv: tolerances.F_i2 has no effect, because the teeth are measured\n"
+        in told.stderr
+    )
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "harmonics.a_b2=3", files=files)
-    assert "note: circular spline, wheel.csv: harmonics.a_b2 has no effect, the teeth are measured\n" in told.stderr
+    assert (
+        "note: circular spline, wheel.csv: harmonics.a_b2 has no effect, because the teeth are measured\n"
+        in told.stderr
+    )
     told = pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--set", "tolerances.e_b=3", files=files)
     assert "note: circular spline, wheel.csv: tolerances.e_b is added to the measured teeth" in told.stderr
 
@@ -181,7 +187,10 @@ FAULTS = {
     "size": ("# unit: mm\n" + rows(), "2:1: column 2: 3.91e+04 µm over the whole wheel"),
     "decimal comma": (rows(separator=",").replace(".", ","), "1:1: 2 columns of deviations"),
     "empty": ("", "1:1: the file is empty"),
-    "BOM": ("\ufeff" + rows().replace("7;", "7.5;", 1), "7:1: column 1: must be the whole number of a tooth"),
+    "BOM": (
+        "\ufeff" + rows().replace("7;", "7.5;", 1),
+        "7:1: column 1: must be a tooth number (a whole number)",
+    ),
 }
 
 

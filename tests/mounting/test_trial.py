@@ -19,7 +19,7 @@ def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
 
 def test_value_in_a_hole_that_is_not_allowed_is_refused() -> None:
     assert read_trial("h4=17", 12, [3, 4]) == Trial(120.0, 17.0)
-    with pytest.raises(UsageError, match=r"hole 5 of trial .* is not in mounting\.allowed"):
+    with pytest.raises(UsageError, match=r"--verify .*: hole 5 is not in mounting\.allowed"):
         read_trial("h5=17", 12, [3, 4])
 
 

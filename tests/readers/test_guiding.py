@@ -119,7 +119,7 @@ def test_a_stated_value_that_the_log_contradicts_is_named(stated: dict[str, floa
 
 def test_a_log_of_kstars_has_no_calibrated_rate():
     night, text = guided_night(), head(calibrated=1.0, guide_speed="Unknown")
-    with pytest.raises(PresetError, match="without its guide rate"):
+    with pytest.raises(PresetError, match="does not state the guide rate"):
         read(text.replace("PHD2 version 2.6.13", "KStars version: 3.6.8. PHD2 log version") + night.rows())
     assert departure(read(text + night.rows(), guide_rate=RATE), night.error_arcsec) < 0.05
 

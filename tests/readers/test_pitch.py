@@ -86,7 +86,7 @@ def test_what_was_done_is_noted() -> None:
     head = "# sense: cw\n# sign: along\n# mark: 2\n# flank: right\ntooth; f_pt [mm]\n"
     result = read(head + "1; 0.003\n2; -0.004\n3; 0.002\n4; -0.0011\n")
     assert result.notes == (
-        "mm to um",
+        "converted from mm to um",
         "single pitch deviations summed up, closing error of -0.1 um distributed over all teeth",
         "numbers reversed",
         "signs reversed",
@@ -180,9 +180,9 @@ def test_a_flank_is_chosen_among_columns() -> None:
         (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file has 6 "
          "(got a row for tooth 5, 6; number the teeth from 0 or 1, each tooth once)"),
         (FOUR + "1; 0\n", "5:1: column 1: a tooth is given twice (got 1; first in line 1; keep one row)"),
-        ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be the whole number of a tooth "
+        ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be a tooth number (a whole number) "
          "(got 3.5; put tooth numbers in the first column, or name the columns)"),
-        ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: must be the whole number of a tooth "
+        ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: must be a tooth number (a whole number) "
          "(got 0.1; put tooth numbers in the first column, or name the columns)"),
         # keys
         ("# sense: up\n" + FOUR, "1:10: sense: must be ccw or cw, seen from the wave generator side (got up)"),

@@ -256,7 +256,7 @@ def test_distant_error_reading_is_omitted_only_by_robust_reading(second):
     head, columns = ("cam_deg,output_deg", [cam, cam / 10 + error / 3600]) if second else ("cam_deg,err", [cam, error])
     data, ratio = text(columns, head), {"ratio": 10.0} if second else {}
     assert "the error spans 2.78 deg" in (words := fault(data, **ratio))
-    assert "--robust leaves out single ones" in words
+    assert "--robust leaves out single outliers" in words
     trace = read(data, robust=True, **ratio)
     assert trace.line.tolist() == np.delete(np.arange(2, 802), 100).tolist()
     assert any("jumps and returns: lines 102" in note for note in trace.notes)
@@ -318,7 +318,7 @@ def test_unguided_guide_log_section_gives_an_error_over_the_axis():
     assert any("lines 28 to 357" in note for note in trace.notes)
     # what the log says of guiding does not count, only whether there are pulses
     assert read(guide_log(between=""), ratio=100).line.tolist() == (trace.line - 1).tolist()
-    assert "without its guide rate" in fault(guide_log(0, 0), ratio=100)
+    assert "does not state the guide rate" in fault(guide_log(0, 0), ratio=100)
     # nor are rows before and after a line that may have moved the star one section
     moved = read(guide_log(0, 400, "INFO: DITHER by 1.0, 2.0, new lock pos = 300, 200\n"), ratio=100)
     assert (moved.line[0], moved.line[-1]) == (28, 357)

@@ -63,7 +63,7 @@ def test_what_trace_writes_agrees_with_its_drive(rig):
 def test_a_warning_names_the_preset_that_leaves_a_value_out(rig):
     page = run("compare", SMALL, "own.csv", "--torque", "4", "--set", "phases.xi_b=unknown", cwd=rig)
     unknown, drift = page.stderr.splitlines()
-    assert unknown == "warning: small: unknown, and computed as 0: phases.xi_b"
+    assert unknown == "warning: small: unknown, and set to 0: phases.xi_b"
     assert drift.startswith("warning: small: own.csv: a linear drift of ")
 
 

@@ -97,7 +97,7 @@ def test_no_line_ends_within_a_number_with_its_unit(width):
 
 
 def test_labels_wrap_before_numbers_do():
-    rows = (("negative force, relative residual, at most 1e-08", "2.8e-12"), ("mesh positions solved", "71569"))
+    rows = (("negative force, relative residual (limit 1e-08)", "2.8e-12"), ("mesh positions solved", "71569"))
     text = shown(Style(False, False, 50), Report("check", None, "own", blocks=(Facts(rows),)))
     assert "2.8e-12" in text
     assert "71569" in text

@@ -61,7 +61,7 @@ def test_where_the_design_is_not_known_no_tolerance_is_recommended() -> None:
     words = in_a_line(done.stdout)
     assert done.returncode == 6, done.stdout + done.stderr
     assert "As assembled: no tolerances are recommended" in words
-    assert "measure more drives (-n) may decide it" in words
+    assert "measure more drives (-n) may decide the verdict" in words
     assert re.search(f"next hdassist allocate {TINY} .*--yield 0.9 --sure 0.95 -n 80$", words)
 
 

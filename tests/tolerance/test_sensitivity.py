@@ -77,8 +77,8 @@ def test_unknown_support_is_measured_before_any_tolerance_is_tightened() -> None
     assert not found.is_worth_tightening
     assert found.to_measure[0].measured == "supports.C_3"
     report = sensitivity_report(found)
-    assert report.verdict == "no tolerance, measure radial support stiffness of the wave generator (supports.C_3)"
-    assert "A tolerance 20 % tighter reduces the 95th percentile" in report.why[0]
+    assert report.verdict == "no tolerance; measure radial support stiffness of the wave generator (supports.C_3)"
+    assert "If a tolerance is 20 % tighter, the 95th percentile" in report.why[0]
     assert facts_of(report)["next"].endswith(" --set supports.C_3=VALUE")
 
 

@@ -574,7 +574,7 @@ def unknown_notes(drive: Drive) -> tuple[str, ...]:
     unknown_fields = unknowns(drive)
     if not unknown_fields:
         return ()
-    return (f"unknown, and computed as 0: {unknown_names(unknown_fields)}",)
+    return (f"unknown, and set to 0: {unknown_names(unknown_fields)}",)
 
 
 def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:

@@ -352,7 +352,7 @@ def _require_small_residuals(
             reason = f"residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed"
         raise UntrustedError(
             f"mesh position not solved at {place(first + k)}: {reason}",
-            "use another solver (--solver clarabel), or a torque and stiffnesses closer to a real drive",
+            "use another solver (--solver clarabel), or a torque and stiffnesses closer to those of a real drive",
             Fault.UNTRUSTED_STATE,
         )
 

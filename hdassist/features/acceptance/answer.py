@@ -243,7 +243,7 @@ class AcceptAnswer(ClosedRecord):
         if bool(self.verdict) == bool(self.error):
             raise ValueError("expected either a verdict or an error")
         if self.verdict and not self.checks:
-            raise ValueError("checks: expected one at least beside a verdict")
+            raise ValueError("checks: expected at least one if there is a verdict")
         codes = (self.verdict.exit_code,) if self.verdict else _ERROR_CODES
         if self.exit_code not in codes:
             raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")

@@ -52,8 +52,10 @@ from hdassist.run.files import number_of, with_decimal_points
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 
-_MAY_BE = "F'_ior of the full cycle may be up to {:.4g} (95 %)"
-OF_TRAVEL = "predicted over the full mesh cycle: F'_ior over acceptance.travel may be smaller, and needs a recording"
+_MAY_BE = "F'_ior of the full cycle may be up to {:.4g}″ (95 %)"
+OF_TRAVEL = (
+    "the prediction is for the full mesh cycle: F'_ior over acceptance.travel may be smaller and requires a recording"
+)
 _Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
 
@@ -670,7 +672,7 @@ def _below(accepted: AcceptedValue) -> float:
 # reasons why a value with one of these extents is inconclusive
 _OPEN_EXTENTS: dict[Extent | None, str] = {
     "not known": "the uncertain inputs were not sampled",
-    "scatter not known": "each position was approached once, so scatter may increase the range",
+    "scatter not known": "each position was approached only once, so scatter may increase the range",
     "part": "the value covers only a part of the cycle",
 }
 
@@ -693,7 +695,7 @@ def _verdict(
     if accepted.extent == "between torques":
         return Verdict.INCONCLUSIVE, "there is no recording at this torque, only at lower and higher torques"
     if room is None:
-        return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives it"
+        return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives this value"
     if accepted.belief:
         return _verdict_by_probability(accepted.belief, accepted.extent, sure)
     if accepted.extent in _OPEN_EXTENTS:
@@ -754,7 +756,7 @@ def _why_open(
         return reason
     names = ", ".join(accepted.unstated)
     options = ",".join(f"{name}=U" for name in accepted.unstated)
-    return f"no uncertainty is stated for {names}: --budget {options}, U in ″, 0 if a source adds nothing"
+    return f"no uncertainty is stated for {names}: use --budget {options}, U in ″, or 0 for a source without effect"
 
 
 def _why_within_guard(
@@ -783,7 +785,7 @@ def _why_within_guard(
     rise = accepted.rise if is_strict else 0.0
     is_within_guard_band = room - rise < guard
     if is_within_guard_band and rise:
-        return f"within the guard band, with {rise:.3g} that spectral lines may add in another cycle"
+        return f"within the guard band, if spectral lines add {rise:.3g}″ in another cycle"
     return "within the guard band" if is_within_guard_band else ""
 
 

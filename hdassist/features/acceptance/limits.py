@@ -110,7 +110,7 @@ class Limit(ClosedRecord):
     def label(self) -> str:
         """The name of the check with its order and torque, for messages."""
         order = self.per_cam_rev
-        name = self.check.words if order is None else f"amplitude of order {order:g} alone"
+        name = self.check.words if order is None else f"amplitude of order {order:g} without sidebands"
         return name if self.M_g_Nm is None else f"{name} at {self.M_g_Nm:g} N·m"
 
     @property

@@ -340,7 +340,7 @@ def _range_of_positions(
         raise DataError(message, f"plan the test of {drive.name} with hdassist plan {drive.name} --approach FILE")
     error_range = seen_range(record, quantities)
     if error_range is None:
-        message = f"{record.table.file}: F'_ior needs at least two positions, it lists one"
+        message = f"{record.table.file}: F'_ior needs at least two positions, but the file lists one"
         raise DataError(message, "approach at least two positions; 12 or 211 positions capture more of F'_ior")
     return error_range
 
@@ -379,7 +379,7 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
         stated = LimitText.parse(text, "--value")
         limit = stated.limit_of(limits_of(drive))
         if limit in values:
-            raise UsageError(f"--value {stated}: given twice")
+            raise UsageError(f"--value {stated}: given twice", "give each value once")
         values[limit] = AcceptedValue.stated(stated, limit)
     return values
 
@@ -530,7 +530,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
     # if no column fits, the table is of another kind
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
-        raise DataError(f"{table.file}: none of the column names is that of a lot", remedy, Fault.FILE_INVALID)
+        raise DataError(f"{table.file}: none of the column names belongs to a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns

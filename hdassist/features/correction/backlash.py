@@ -104,22 +104,22 @@ BACKLASH_FORMATS = {
         name="Duet (RepRapFirmware 3.5 and later)",
         line=_duet,
         comment=";",
-        setup="in config.g; the axis counts in degrees of the output",
+        setup="add the line to config.g; the axis must count degrees of the output",
         why_no_table="RepRapFirmware has no such table (its issue 469 requests one)",
     ),
     "grblhal": BacklashFormat(
         name="grblHAL",
         line=_grblhal,
         comment=";",
-        setup="a build with backlash compensation; the axis counts in degrees of the output",
+        setup="use a build with backlash compensation; the axis must count degrees of the output",
         why_no_table="no such table was found in grblHAL and its plugins",
     ),
     "heidenhain": BacklashFormat(
         name="HEIDENHAIN TNC 426, 430",
         line=_heidenhain,
         comment=";",
-        setup="an entry for the machine parameters; positive, because the encoder of the motor is ahead of the output",
-        why_no_table="the manuals that were read do not show the lines of a .COM file",
+        setup="enter it in the machine parameters; positive, because the encoder of the motor is ahead of the output",
+        why_no_table="the consulted manuals do not show the lines of a .COM file",
     ),
 }
 
@@ -169,11 +169,11 @@ def backlash_file(
         f"hdassist {__version__}: backlash compensation, {controller.name}, axis {axis}",
         source,
         f"lost motion at {backlash.torque_Nm:g} N*m: {backlash.arcsec:.2f} +- {expanded:.2f} arcsec (k = 2)",
-        f"not compensated: its departure from the mean, up to {backlash.departure_arcsec:.2f} arcsec, and the error "
-        "within each direction",
+        "not compensated: the departure of the lost motion from its mean, up to "
+        f"{backlash.departure_arcsec:.2f} arcsec, and the error within each direction",
     ]
     if backlash.has_lag:
-        about.append("a lag between the encoders may be part of it: record two speeds")
+        about.append("a lag between the encoders may be part of the lost motion: record two speeds to remove the lag")
     about.append(f"setup: {controller.setup}")
     lines = [*(f"{controller.comment} {text}" for text in about), controller.line(backlash, axis)]
     return "\n".join([*lines, ""]), "\n".join([*about, ""])

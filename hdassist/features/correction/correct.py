@@ -240,7 +240,7 @@ def correct(
         # drives cannot be fitted to errors of unknown size
         if any(record.scale_uncertainty for record in records.values()):
             message = (
-                "a recording of part of the cycle with an unknown guide rate, which determines the size of the error"
+                "a recording of part of the cycle needs a known guide rate, which determines the size of the error"
             )
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
         # the number of draws is even because they are made in pairs of opposite signs
@@ -761,7 +761,7 @@ def correction_alone(
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
-        message = f"{found.trace.file}: {share}, in which closely spaced components are not resolved"
+        message = f"{found.trace.file}: the recording covers {share}, which does not resolve closely spaced components"
         hint = (
             "record the full mesh cycle, use a table over the input (--form cam), state the travel (--travel DEG), "
             "or use a preset: hdassist compensate PRESET FILE"
@@ -969,9 +969,9 @@ def _cause_text(row: int, off_turns: float) -> str:
     off_deg = 360 * (off_turns - turns)
     causes = []
     if row == 1:
-        causes.append("its sign is flipped")
+        causes.append("the sign of the correction is wrong")
     if abs(off_deg) > _IN_ZERO_DEG:
-        causes.append(f"its zero is off by {abs(off_deg):.0f}° of the input")
+        causes.append(f"the zero of the correction is off by {abs(off_deg):.0f}° of the input")
     if turns:
         causes.append(f"{abs(turns)} input revolutions are lost")
     return ", ".join(causes)

@@ -326,7 +326,7 @@ def require_sense(
     mirror = mirrored_reading(measurement, drive, M_g, replace(alignment, fitted=(is_free, is_free)))
     if mirror:
         message = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
-        raise UntrustedError(f"{message}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
+        raise UntrustedError(f"{message}, with a residual of {mirror.rms_arcsec:.2f}″ rms", f"use {mirror.options}")
 
 
 def require_fine_counts(measurement: Measurement) -> None:
@@ -342,10 +342,10 @@ def require_fine_counts(measurement: Measurement) -> None:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
     if COVERAGE_FACTOR * u > _MOST_ROUNDED * sweep.range.value:
-        counts = f"steps of up to {trace.step_arcsec:.3g}″ at the output, read at even angles"
-        rounding = f"a correction would store their rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
+        counts = f"the output is read at even angles, in steps of up to {trace.step_arcsec:.3g}″"
+        rounding = f"a correction would store the rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
         raise UntrustedError(
-            f"{trace.file}: {counts}: {rounding}",
+            f"{trace.file}: {counts}; {rounding}",
             "sample both encoders at constant time intervals, not angles, or use an encoder with finer counts",
             Fault.ORDERS_UNTOLD,
         )
@@ -409,7 +409,7 @@ def drawn_errors(
     turns = sweep.bins.span
     # in a single revolution, slow terms cannot be separated
     if turns < _FEWEST_TURNS:
-        message = f"{trace.file}: {turns:.2g} input revolutions in its longest sweep"
+        message = f"{trace.file}: the longest sweep covers only {turns:.2g} input revolutions"
         raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
     alignment = asked.of_file(trace, kinematics)
     ratio = abs(kinematics.u)

@@ -212,7 +212,7 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
     message = f"{form_words(form.name)} leave {100 * residual_share:.0f} % of the error"
     points = result.fewest_points
     if not points:
-        return f"{message}; no table over the output revolution halves the error, use correction terms"
+        return f"{message}; no table over the output revolution halves the error, so use correction terms"
     able = [
         name
         for name, format_ in CONTROLLER_FORMATS.items()
@@ -238,7 +238,7 @@ def controller_file(
     reads_input = controller.played is not None and controller.played(table, axis).is_input_angle
     shaft = "wave generator" if reads_input else "output"
     steps = axis.steps_per_degree
-    worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its revolution"] if steps else []
+    worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in the period of the table"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
         for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
@@ -246,7 +246,7 @@ def controller_file(
     if table.recorded_deg:
         low, high = sorted(axis.zero_deg + axis.sense * turn_deg for turn_deg in table.recorded_deg)
         travel = [
-            f"recorded from {low:.6g} to {high:.6g} deg of the output; beyond, continued without a predicted residual"
+            f"recorded from {low:.6g} to {high:.6g} deg of the output; outside this range the residual is not predicted"
         ]
     about = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
@@ -533,7 +533,7 @@ CONTROLLER_FORMATS = {
         name="C",
         turns=("output", "cam", "half-cam"),
         lines=_c_array,
-        setup="include it, and subtract hdassist_error(reading, down)",
+        setup="include the file, and subtract hdassist_error(reading, down) from the set-point",
         by_direction=True,
         step_arcsec=1e-5,
         comment="//",
@@ -542,7 +542,7 @@ CONTROLLER_FORMATS = {
         name="LinuxCNC, type 1",
         turns=("output",),
         lines=_linuxcnc,
-        setup="[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside its rows the nearest row is used",
+        setup="set COMP_FILE and COMP_FILE_TYPE = 1 in [JOINT_n]; outside the rows the nearest row is used",
         most_points=254,
         by_direction=True,
         comment="#",
@@ -552,7 +552,7 @@ CONTROLLER_FORMATS = {
         name="TwinCAT CNC",
         turns=("output",),
         lines=_twincat_cnc,
-        setup="below kopf.* of the axis's compensation list; lr_param.ssfk 1",
+        setup="insert below kopf.* in the compensation list of the axis, and set lr_param.ssfk to 1",
         most_points=1497,
         by_direction=True,
         step_arcsec=0.36,
@@ -563,7 +563,8 @@ CONTROLLER_FORMATS = {
         turns=("output",),
         lines=_twincat_nc,
         setup=(
-            "a global variable list; MC_TableBasedPositionCompensation by ADR and SIZEOF of the array, with a high Ramp"
+            "save as a global variable list; pass ADR and SIZEOF of the array to MC_TableBasedPositionCompensation, "
+            "with a high Ramp"
         ),
         by_direction=True,
         played=_twincat_nc_played,
@@ -573,7 +574,7 @@ CONTROLLER_FORMATS = {
         name="SINUMERIK 840D",
         turns=("output",),
         lines=_siemens,
-        setup="load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points",
+        setup="load with MD32700 ENC_COMP_ENABLE = 0, then set it to 1; MD38000 must exceed the number of points",
         comment=";",
         comments_at=2,
     ),
@@ -581,14 +582,14 @@ CONTROLLER_FORMATS = {
         name="moteus",
         turns=("cam", "half-cam"),
         lines=_moteus,
-        setup="moteus_tool --write-config, firmware with compensation_scale; the source reads the input angle",
+        setup="use moteus_tool --write-config and firmware with compensation_scale; the source reads the input angle",
         played=_moteus_played,
     ),
     "eqmod": ControllerFormat(
         name="EQMOD",
         turns=("cam", "half-cam"),
         lines=_eqmod,
-        setup="gain x1, threshold 0, northern hemisphere, decimal point in Windows",
+        setup="set gain x1, threshold 0 and northern hemisphere, and a decimal point in Windows",
         played=_eqmod_played,
         comment="#",
     ),
@@ -596,7 +597,7 @@ CONTROLLER_FORMATS = {
         name="OnStepX",
         turns=("cam", "half-cam"),
         lines=_onstepx,
-        setup="PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent",
+        setup="set PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent",
         played=_onstepx_played,
     ),
 }

@@ -51,7 +51,7 @@ _SAME_TARGET = 0.5  # arcsec: targets closer together than this are the same pos
 
 _REMARKS = {  # remarks of a sheet, each with its smallest and largest number and a description of its numbers
     "torque": (-1e7, 1e7, "a torque in N*m up to 1e+07"),
-    "sees": (1e-9, 1.0, "three rising shares"),
+    "sees": (1e-9, 1.0, "three increasing shares"),
     "uncertainty": (0.0, LARGEST_UNCERTAINTY, f"a standard uncertainty in arcsec from 0 to {LARGEST_UNCERTAINTY:g}"),
 }
 
@@ -349,7 +349,8 @@ def _loop(
         units.append(form.error_unit)
     # one column cannot have two units
     if len(units) > 1:
-        raise UsageError("a file of torque loops has only one column of angles, but several units are stated")
+        message = "a file of torque loops has only one column of angles, but several units are stated"
+        raise UsageError(message, "state one unit")
     return LoopRecord(
         table=table,
         torque_Nm=table.in_unit(columns["torque"], "torque", "N·m"),

@@ -72,10 +72,11 @@ DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}  # direction of the input 
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
-    "the cycle does not close: a linear drift of {:.3g}″ is removed; with it the curve spans {:.1f}″; check the ratio"
+    "the cycle does not close, so a linear drift of {:.3g}″ is removed. With the drift, the curve spans {:.1f}″. "
+    "Check the ratio"
 )
 _WIND_UP_LEFT = (
-    "the torque follows the output angle: its wind-up is not removed (--drive PRESET with catalogue.K_1 to K_3)"
+    "the torque follows the output angle, but its wind-up is not removed: use --drive PRESET with catalogue.K_1 to K_3"
 )
 _CHANGES_LEFT = (
     "the recording does not show how the orders change with the torque, which may be part of F'_ior: "
@@ -484,7 +485,7 @@ class _RecordUnderway:
         if longest >= _SHORTEST_TURNS - 0.01:
             return False
         if trace.sweeps:
-            way = "growing" if sign > 0 else "falling"
+            way = "increasing" if sign > 0 else "decreasing"
             self.notes.append(f"{way} angles omitted: they cover only {longest:.2g} of an input revolution")
         return True
 
@@ -857,7 +858,7 @@ def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
     """Raise UntrustedError if the output readings have steps so coarse that rounding looks like error."""
     if trace.in_time and trace.step_arcsec > _COARSE_STEP * F_ior.value:
         size = f"{trace.step_arcsec:.2g}″"
-        message = f"the output is read in steps of {size} at even angles: what they round looks like error"
+        message = f"the output is read in steps of {size} at even angles, and the rounding looks like an error"
         hint = "sample both encoders at constant time intervals"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
@@ -882,7 +883,7 @@ def _require_clear(
     if is_drifting:
         hint = "the recording drifts; use --drift linear"
     if BY_ORDER in trace.notes:
-        hint = f"{BY_ORDER} in arcsec; of a second encoder at the output: --second 2"
+        hint = f"{BY_ORDER} in arcsec; if the second column is an encoder at the output, use --second 2"
     message = f"F'_ior of {max(F_ior.value, 0.0):.3g}″ is not above its noise, u = {uncertainty:.3g}″"
     raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 

@@ -614,8 +614,8 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
         if name not in STATED or name in stated or not 0 <= value <= LARGEST_UNCERTAINTY:
             expected = f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
             if name in stated:
-                expected = "state each source only once"
-            hint = f"a standard uncertainty of F'_ior, NAME one of {', '.join(STATED)}"
+                expected = "each source only once"
+            hint = f"state a standard uncertainty of F'_ior, with NAME one of {', '.join(STATED)}"
             raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
         stated[name] = value
     return stated

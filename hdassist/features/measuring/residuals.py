@@ -359,7 +359,7 @@ def with_step(
         return None
     line = int(trace.line[step.row])
     where = f"the error steps by {step.size:.3g}″ at line {line}"
-    warning = f"{where}, as if a coupling slips or counts are lost; the step is removed"
+    warning = f"{where}, as if a coupling had slipped or counts were lost; the step is removed"
     return _TraceChange(replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), warning)
 
 
@@ -514,7 +514,9 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # the cause is not backlash or a lag at a reversal
         hint = "check the encoders' cables and counters, or omit these rows with --robust"
-        raise UntrustedError(f"{trace.file}: {message}, a movement that no shaft makes", hint, Fault.ORDERS_UNTOLD)
+        raise UntrustedError(
+            f"{trace.file}: {message}, which no movement of a shaft explains", hint, Fault.ORDERS_UNTOLD
+        )
     span = np.ptp(fit.curve(fit.bins.turns))
     return _TraceChange(
         trace=trace.without(spike_rows),

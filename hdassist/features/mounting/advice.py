@@ -776,7 +776,7 @@ def _drawn_samples(prior: DrivePrior, room_arcsec: Sequence[float | None], **opt
         )
     # the percentiles of a single sample would be those of a random drive
     if samples and len(samples.of_ranges.weights) < 2:
-        fault = "one sample of the uncertain inputs has no range"
+        fault = "a single sample of the uncertain inputs gives no range"
         return _Drawn(
             samples=None,
             fault=fault,

@@ -130,7 +130,7 @@ def _read_trial_position(
     where, separator, torque = name.partition("@")
     M_g = number_of(with_decimal_points(torque)) if separator else None
     if M_g is not None and not _is_torque(M_g):
-        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, N·m", TRIAL_HINT)
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, with TORQUE in N·m", TRIAL_HINT)
     where = with_decimal_points(where)
     rotation = turn_of(where, holes)
     if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
@@ -140,8 +140,8 @@ def _read_trial_position(
     hole = hole_of(rotation, holes)
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(
-            f"hole {hole % holes} of trial {text!r} is not in mounting.allowed",
-            "add it as a further trial; it is never recommended",
+            f"invalid --verify {shown(text)}: hole {hole % holes} is not in mounting.allowed",
+            "give the value as HOLE=F_IOR without --verify: it is used, but the hole is never recommended",
         )
     return (360 * (hole % holes) / holes if hole is not None else rotation % 360), M_g
 

@@ -176,7 +176,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         be written.
         """
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
-            raise UsageError("the results of a lot need a file", "give a file: --jsonl FILE")
+            raise UsageError("the results of a lot need a file", "name a file: --jsonl FILE")
         if self.jsonl is not None:
             self._take_results(self.jsonl)
         return super().open()
@@ -210,13 +210,13 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
       grep -v '^17-04' lot.csv | hdassist accept - --preset my-drive.yaml
       hdassist accept --replay result.json
 
-    A limit is decided by the measured value, with its uncertainty and a decision rule (acceptance.rule), else by the
-    model's prediction, as in hdassist check. A recording passes only if --budget states encoder, coupling, reseating
-    and temperature; 0 is allowed. hdassist explain CODE explains a check. A lot has a row for each drive, with the
-    columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g, NAME[@TORQUE] (values
-    like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6
-    INCONCLUSIVE, 4 invalid preset or file, or no limit, 5 no trustworthy result. For several drives the worst code
-    counts, in the sequence 1, 5, 4, 2, 3, 6, 0.
+    A limit is decided by the measured value, with its uncertainty and a decision rule (acceptance.rule). Without a
+    measured value it is decided by the model's prediction, as in hdassist check. A recording passes only if --budget
+    states the uncertainties of encoder, coupling, reseating and temperature; 0 is allowed. hdassist explain CODE
+    explains a check. A lot has a row for each drive, with the columns serial, preset, measured or measured@80, pitch_b,
+    pitch_g (files), mark_b, mark_g, NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides).
+    Exit codes: 0 PASS, 3 FAIL or a replay that differs, 6 INCONCLUSIVE, 4 invalid preset or file, or no limit, 5 no
+    trustworthy result. For several drives the worst code counts, in the sequence 1, 5, 4, 2, 3, 6, 0.
     """
 
     presets: list[str]
@@ -246,7 +246,10 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         self._require_inputs_of_drives(lots, base)
         o.stdin_once(*self.presets, *base.files()[1:], self.replay)
         if self.measured_only and base.wheels.files:
-            raise UsageError("--measured-only makes no prediction, so it cannot use measured teeth")
+            raise UsageError(
+                "--measured-only makes no prediction, so it cannot use measured teeth",
+                "leave out --measured-only, or --pitch-b and --pitch-g",
+            )
         if self.preset == "-":
             raise UsageError(
                 "a row of a lot cannot read from standard input", "name the preset file with --preset FILE"
@@ -263,7 +266,9 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         if not self.presets and self.replay is None:
             raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
-            raise UsageError(f"{lots[0]} is a lot, and cannot be combined with other drives or lots")
+            raise UsageError(
+                f"{lots[0]} is a lot and cannot be combined with other drives or lots", "name the lot only"
+            )
 
     def _require_inputs_of_drives(self, lots: Sequence[str], base: Request) -> None:
         """Raise UsageError for inputs of one drive with several drives, or for options of a lot without a lot.

@@ -67,9 +67,9 @@ class MountCommand(
     torque. Take the wheel out and put it back before each measurement. The page names the hole to measure next and the
     expected reduction, until a further value would reduce F'_ior by less than 2 % (--worth). A value may also be the
     file of a recording that covers the full mesh cycle. Its F'_ior and its uncertainty are those of hdassist measure.
-    Values in measured.F_ior of the preset count too. A value that is probably a reading error is the next one to
-    repeat. --verify compares the outcome with its prediction. It recommends to keep the hole (exit code 0), to go back
-    to another hole (3), or to measure again, because the outcome is probably a reading error (6).
+    Values in measured.F_ior of the preset are used too. A value that is probably a reading error is the next one to
+    repeat. --verify compares the outcome with its prediction. It recommends keeping the hole (exit code 0), going back
+    to another hole (3), or measuring again, because the outcome is probably a reading error (6).
 
     --bolted sets the percentage by which another hole must reduce F'_ior if the drive is already assembled.
     --compensated chooses the hole by the residual error after a stored correction (hdassist compensate), which is
@@ -94,7 +94,7 @@ class MountCommand(
             card = self._card(out)
         if self.verify is not None and card:
             raise UsageError(
-                "--card cannot be combined with --verify, which follows the mounting", "leave out --card or --verify"
+                "--card cannot be combined with --verify, which applies after bolting", "leave out --card or --verify"
             )
         advices: list[Advice] = []
 
@@ -121,7 +121,7 @@ class MountCommand(
                 raise UsageError("--lang and --serial apply to a card only", "add --card FILE")
             return None
         if self.quiet and path == out.target == "-":
-            raise UsageError("only one of --card and -q can use standard output")
+            raise UsageError("only one of --card and -q can use standard output", "write the card to a file")
         from hdassist.interface.terminal.words import HOME, texts
 
         plain = self.ascii or (path == "-" and out.style.ascii)
@@ -571,7 +571,7 @@ class ControllerOptions(o.OptionGroup):
             return None
         name, _, path = self.write.partition("=")
         if reason := NO_COMPENSATION.get(name):
-            raise UsageError(f"--write {name}: {reason}", "other controllers: hdassist compensate -h")
+            raise UsageError(f"--write {name}: {reason}", "hdassist compensate -h lists other controllers")
         if name in BACKLASH_FORMATS:
             backlash = BACKLASH_FORMATS[name]
             message = f"--write {name}: no table of points for {backlash.name}, because {backlash.why_no_table}"

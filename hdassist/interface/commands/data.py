@@ -452,7 +452,7 @@ def cache() -> DoctorFinding:
         message = kept.why_unsafe() or f"{kept.cache_folder()} cannot be used"
         return DoctorFinding("cache", "note", f"{message}: no results are cached; set {kept.FOLDER} to another folder")
     description = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
-    way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no results are cached"
+    way = "--empty-cache deletes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no results are cached"
     return DoctorFinding("cache", "ok", f"{description}; {kept.FOLDER} sets another folder, {way}")
 
 

@@ -346,7 +346,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
       hdassist compare vzp160 own.yaml --limit 30
 
     Each deviation of the wave generator, the circular spline or the flexspline is fitted alone, then all together,
-    through the contact model. The page names causes that the recording cannot separate.
+    through the contact model. The page names causes that the recording does not distinguish.
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a recording (./NAME
     for one with the name of a preset). For presets the page gives the better drive with its probability, and F'_ior and
@@ -870,7 +870,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
     Tolerances are recommended only if the probability that they reach the yield is at least --sure, over all uncertain
-    inputs of the design. An assumed size is also treated as a tolerance to choose. The preset gives the costs: cost:
+    inputs of the design. Assumed sizes are also treated as tolerances to choose. The preset gives the costs: cost:
     {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 at the present tolerance and 3 (now/tolerance)^1.5
     otherwise, and the smallest feasible tolerance is 10 um. Defaults: share 1, k 1, least a tenth of the present
     tolerance. A tolerance may grow to twice its value. Exit codes: 0 done, 3 no tolerances achieve the required yield,
@@ -943,4 +943,4 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         if seconds > _SHORT_TIME:
             duration = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
             drives = len(productions) * most_drives
-            say(f"time: up to {duration} for at most {drives} random drives; -n sets their number in a round")
+            say(f"time: up to {duration} for at most {drives} random drives; -n sets the number of drives in a round")

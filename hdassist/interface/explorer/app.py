@@ -64,7 +64,7 @@ _EXPLAINED = """\
 SCREEN
 The top shows F'_ior (the peak-to-peak kinematic error over the full mesh cycle) at each torque: median, 5th and 95th \
 percentile over the uncertain inputs. It also shows the limit, the verdict of check, the margin from the 95th \
-percentile to the limit, and the probability that the limit is met. The change is that from the preset, or from the \
+percentile to the limit, and the probability that the limit is met. The change is relative to the preset, or to the \
 pinned drive; the best hole is shown with its F'_ior. Bars of the first torque look like ─◌─, of the second like ═▫═.
 
 After a change the previous result remains visible, marked old. Next to it is F'_ior of a typical drive before and \
@@ -83,7 +83,7 @@ PROVEN ● ■  every mesh position of the cycle was solved and verified.
 The card is that of mount, and it is written only if mount would write it for this drive.
 
 INPUTS
-? uncertain, * changed here. After the value: a plausible step, and its change of F'_ior [arcsec] for a \
+? uncertain, * changed here. After the value: a plausible step, and the resulting change of F'_ior [arcsec] for a \
 typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
 differs come first, with the step to its value; then the fields with the largest change, in a sequence that stays \
 the same until o sorts them again.
@@ -99,9 +99,9 @@ b        best hole
 0        present hole
 m        next torque, marked ▸ at the top
 e        enter known data of the drive: stiffness, F'_ior in a hole, a recording, a limit. With F'_ior in several \
-holes at the smallest torque, the recommendation is that of mount after measured values
+holes at the smallest torque, the recommendation is that of mount with measured values
 Enter    edit a field
-+ -      a step
++ -      a step up or down
 o        inputs by group or by change
 u r      undo, redo
 p        pin the present drive, for comparison
@@ -299,7 +299,7 @@ class _Exporting(Asking):
     async def action_quit(self) -> None:
         """Quit; ask for confirmation if there are unsaved or undone changes."""
         command = self.session.command("explore")
-        question = f"Quit? This command returns to the session, and is printed on leaving:\n\n{command}"
+        question = f"Quit? This command, which is printed on leaving, restores the session:\n\n{command}"
         # an undone change can be redone only in this session
         if self.session.changes != self.saved or self.session.future:
             self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)

@@ -88,7 +88,7 @@ class ExploreCommand(o.LimitedDriveOptions):
             )
             app.run()
         if app.session.changes != session.changes:
-            for label, name in (("back to it", "explore"), ("its numbers", "check")):
+            for label, name in (("restore the session", "explore"), ("numbers of the drive", "check")):
                 say(f"{label}: {app.session.command(name)}", whole=True)
         return app.return_code or 0
 

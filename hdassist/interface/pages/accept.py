@@ -241,7 +241,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     titles = {
         "measured": f"measured: {_RULE_WORDS[answer.rule.measured]}",
         "stated": f"reported values: {_RULE_WORDS[answer.rule.measured]}",
-        "predicted": f"predicted: PASS from a probability of {100 * answer.rule.sure:g} %; "
+        "predicted": f"predicted: PASS if the probability is at least {100 * answer.rule.sure:g} %; "
         "a prediction is not a statement of conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
@@ -275,12 +275,13 @@ def _facts(
         travel = drive.acceptance.travel
         turns = travel * abs(kinematics.u) / 360
         whole_cycle = (
-            f"the full mesh cycle, {kinematics.cycle_cam_revolutions} input revolutions; "
-            "a recording of less than a third cannot give PASS"
+            f"the full mesh cycle of {kinematics.cycle_cam_revolutions} input revolutions; "
+            "a recording of less than a third of the cycle cannot give PASS"
         )
         if turns < kinematics.cycle_cam_revolutions:
             whole_cycle = (
-                f"the whole travel, {travel:g}° of the output, {turns:.4g} input revolutions; a part cannot give PASS"
+                f"the whole travel of {travel:g}° at the output ({turns:.4g} input revolutions); "
+                "a recording of a part cannot give PASS"
             )
         yield "measure", whole_cycle
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
@@ -352,7 +353,7 @@ def _yield_words(summary: Mapping[str, Any]) -> str:
     """Return a sentence with the share of drives that pass, and its interval."""
     share = summary["yield"]
     if not share:
-        return "no drive has a decision; the table gives the reasons"
+        return "no drive passes or fails; the table gives the reasons"
     percent = percent_text(share["share"], share["low"], share["high"])
     return f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
 
@@ -408,7 +409,7 @@ def _shared_records(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
             drives.setdefault(trace.sha256, {})[title(answer)] = trace.file
     for files in drives.values():
         if len(files) > 1:
-            yield f"{', '.join(files)} have the same record: {', '.join(dict.fromkeys(files.values()))}"
+            yield f"{', '.join(files)} contain the same recording: {', '.join(dict.fromkeys(files.values()))}"
 
 
 def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
@@ -438,7 +439,10 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     yield "not tested", "\n".join(_untested_limits(answers))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if _is_open(check)})
-    yield "measure", f"{'; '.join(open_)}; a prediction or a part of the cycle does not decide" if open_ else ""
+    yield (
+        "measure",
+        f"{'; '.join(open_)}; a prediction or a part of the cycle is not sufficient" if open_ else "",
+    )
     failed = _failed_by_F_ior(answers)
     if failed:
         yield "other hole", _failed_words(failed)
@@ -452,7 +456,7 @@ def _untested_limits(answers: Sequence[AcceptAnswer]) -> Iterator[str]:
         for label in answer.left_out:
             drives.setdefault(label, []).append(title(answer))
     for label, names in drives.items():
-        yield f"{label}: {shortened(names)} (--strict does not omit it)"
+        yield f"{label}: {shortened(names)} (--strict requires a measured value)"
 
 
 @dataclass(frozen=True)
@@ -494,11 +498,11 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
     """Return a sentence which says that another hole may reduce F'_ior of the failed drives, and names a few drives."""
     named = [f"{drive.name} (F'_ior is {drive.times_limit:.3g} times the limit)" for drive in failed]
     unnamed = len(named) - _NAMED_CHECKS
-    text = f"may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
+    text = f"a different hole may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
     if unnamed > 0:
         text += f"; {unnamed} further"
     if len(named) > 1:
-        text += '. "next" is for the first drive'
+        text += '. The command under "next" is for the first of these drives'
     return text
 
 
@@ -643,8 +647,8 @@ def _suite(
     for check in answer.checks:
         suite.add_check(check)
     for label in answer.left_out:
-        suite.add_case(label, "skipped", message="not tested: nothing was measured")
-    remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
+        suite.add_case(label, "skipped", message="not tested: no measured value")
+    remarks = [f"note {remark.code}: {remark.text}" for remark in answer.remarks]
     if remarks:
         SubElement(suite.element, "system-out").text = visible("\n".join(remarks))
 

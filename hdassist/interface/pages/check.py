@@ -52,7 +52,7 @@ from hdassist.run.errors import Verdict
 from hdassist.run.system import command_line
 
 _ANGLES = ("phi_h", "phi_g", "phi_b")
-_UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take unknown inputs as 0"
+_UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min are computed with unknown inputs set to 0"
 
 
 def _angle_deg(
@@ -188,7 +188,7 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
         count = len(check.prior.fields)
         yield (
             f"{count} inputs are uncertain and were not sampled. Sampling needs --draws above 0, no pitch files and "
-            "bearing.ball_motion: locked. A measured F'_ior also decides."
+            "bearing.ball_motion: locked. A measured F'_ior also decides the verdict."
         )
 
 
@@ -197,7 +197,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.governing].M_g:g}=FILE")
     yield from steps_facts(check, _lines_for_steps(check))
-    yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
+    yield "unknown", "" if check.samples or not check.unknown else f"set to 0: {unknown_names(check.unknown)}"
     # after PASS, random drives come next; otherwise the hole of the fixed wheel
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -248,7 +248,7 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 def _evidence_words(drive: Drive) -> str:
     """Return a text on the reference data that weight the samples, and how to omit a value; empty without data."""
     paths = [item.path for item in evidence_of(drive)]
-    return f"{', '.join(paths)}; --set {paths[-1]}= omits the last one" if paths else ""
+    return f"{', '.join(paths)}; --set {paths[-1]}= omits the last value" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
@@ -338,10 +338,10 @@ _SCREEN_LINES = 24
 _SCREEN_COLUMNS = 80
 _LABEL_COLUMNS = len("to clarify  ")
 _LINES_OF_OTHERS = 15  # number of lines for head, table heads, next command, plot, verification and gaps
-_DERIVED = "with a tolerance, the deviations derived from it are reduced too"
+_DERIVED = "reducing a tolerance also reduces the deviations derived from it"
 _NOT_LISTED = (
-    "not listed, because F'_ior of this drive was measured: another hole, for which mount computes F'_ior, and a "
-    "better accuracy, because the drive exists already"
+    "F'_ior of this drive was measured, so two options are not listed: another hole (hdassist mount gives F'_ior in "
+    "each hole), and a drive with a better accuracy"
 )
 _COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 

@@ -174,7 +174,7 @@ def _why(result: Comparison) -> str:
     # single teeth may cause the difference only if the roughness of the teeth is unknown
     if kind == "agrees":
         rough = any(field.path in ("harmonics.xi_g6", "harmonics.xi_b6") for field in unknowns(result.drive))
-        single_teeth = ", single teeth" if rough else ""
+        single_teeth = ", deviations of single teeth" if rough else ""
         return f"Noise{single_teeth} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
         rms_arcsec = result.difference_rms_arcsec
@@ -257,7 +257,7 @@ def _tables(result: Comparison) -> Iterator[Table]:
     """Yield the table of the largest orders and, if deviations were fitted, the table of the fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)}"
+    title = f"amplitude·cos(order·angle + phase), ″ and deg: {_TABLED_ORDERS} largest of {len(result.orders)} orders"
     yield Table.by_row(title, _COMPARED_ORDERS, shown)
     if result.singles:
         title = (
@@ -488,7 +488,7 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     """Yield a table for each drive except A: the change of F'_ior if each differing field is changed alone."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]  # torques of drive A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
-        title = f"each field alone from A to {letter}, change of F'_ior, ″"
+        title = f"change of F'_ior if a single field is changed from A to {letter}, ″"
         rows = [
             (change.field or "all together", *_change_cells(change)) for change in (*changes.single, changes.together)
         ]

@@ -25,7 +25,7 @@ from hdassist.features.report import Curve, Fact, Facts, Json, Report, Table, cs
 from hdassist.interface.terminal.words import ENVELOPE, again
 from hdassist.run.errors import Verdict
 
-UNPROVEN = "No correction was tested on a real drive yet: record the error with it on."
+UNPROVEN = "No correction has been tested on a real drive yet. Record the error with the correction on."
 _TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
@@ -130,8 +130,8 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     ]
     measure = []
     if found.verdict is Verdict.FAIL:
-        unknown = "not sign, zero or lost revolutions; check whether load, hole or drive has changed"
-        why.append(f"Probable cause: {found.cause or unknown}.")
+        unknown = "No wrong sign, wrong zero or lost revolution: check whether load, hole or drive has changed."
+        why.append(f"Probable cause: {found.cause}." if found.cause else unknown)
     elif found.verdict is Verdict.INCONCLUSIVE:
         measure = [("measure", "the full mesh cycle twice or more with the correction on, to determine the noise")]
     return Report(
@@ -172,7 +172,7 @@ def _verdict(result: Correction) -> str:
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
     residual_words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
-    return f"record first: {residual_words}; from the preset alone the error may increase"
+    return f"record the error first: {residual_words}; a correction from the preset alone may increase the error"
 
 
 def _why(result: Correction) -> Iterator[str]:
@@ -227,21 +227,21 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     if result.misfit and result.drive:
         turn_counts = ", ".join(f"{count:.3g}" for count in turns)
         recording = f"{turn_counts} of {cycle} input revolutions"
-        yield "recording", f"{recording} at {recorded} N·m; its angles are those of the preset"
+        yield "recording", f"{recording} at {recorded} N·m; the angles are those of the preset"
         stiffnesses = "supports, contacts, deflection and clearance (docs/correct.md)"
         fitted = ", ".join([*(field.path for field in unknowns(result.drive)), stiffnesses])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
-        yield "measure", "the full mesh cycle, which needs no fit"
+        yield "measure", "the full mesh cycle; no fit is then needed"
     elif ends := result.recorded_deg:
         range_words = (
-            f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; beyond these ends the residual is not predicted"
+            f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; outside this range the residual is not predicted"
         )
         yield "recording", f"at {recorded} N·m, {range_words}"
     elif recorded and _is_of_part(result):
         recording = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m"
         yield "recording", f"{recording}; the correction uses the angles of the recording"
         slow = "sidebands and slow terms of the output, which a part of the cycle does not determine"
-        yield "open", f"{slow}; the residual includes them"
+        yield "open", f"{slow}; the residual includes these terms"
         yield "measure", "more of the cycle, which reduces the upper end of the residual"
     elif recorded:
         yield "recording", f"at {recorded} N·m; the correction uses the angles of the recording"
@@ -279,7 +279,7 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     cases_in_words = tuple(_case_words(residual) for residual in heads)
     none = ("uncorrected", *(f"{residual.uncorrected_p50:.1f}" for residual in heads))
     rows = [(form_words(residual.form.name), *(_range(residual.residuals[k]) for k in cases)) for residual in forms]
-    title = f"residual F'_ior, ″; last columns: zero off or one revolution lost, at {heads[-1].M_g:g} N·m"
+    title = f"residual F'_ior, ″; last columns: with a wrong zero or one revolution lost, at {heads[-1].M_g:g} N·m"
     return Table(title, ("correction", *cases_in_words), (none, *rows))
 
 
@@ -297,7 +297,7 @@ def _lines_table(result: Correction) -> Table:
     often = line_orders(lines)[0]
     strongest = np.argsort(-before)[:12]
     rows = tuple((f"{often[k]:g}", f"{before[k]:.2f}", f"{after[k]:.2f}") for k in strongest)
-    heads = ("lines per output revolution", "before, ″", "after, ″")
+    heads = ("periods per output revolution", "before, ″", "after, ″")
     return Table("spectral lines of the error of a drive near the median", heads, rows)
 
 

@@ -45,7 +45,7 @@ _LEAST_SHOWN = 0.005  # arcsec; a smaller amplitude would be shown as 0.00
 _MANY_TURNS = 8  # largest number of input revolutions drawn as a curve; for more, the envelope is drawn
 
 _END_WORDS = {"least": "smallest", "greatest": "largest"}  # ends of a sweep, by their keys in JSON
-_UNKNOWN_AS_ZERO = "Unknown inputs are taken as 0; hdassist check gives F'_ior with its range over them."
+_UNKNOWN_AS_ZERO = "Unknown inputs are set to 0; hdassist check gives F'_ior with its range over them."
 
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
@@ -194,11 +194,11 @@ def _limits_of_trace(
 ) -> Iterator[str]:
     """Yield the limitations of an error curve; is_part: whether the curve is shorter than the full mesh cycle."""
     if drive.measured != Measured.of_defaults():
-        yield "Values of the preset: measurements of the drive are not taken into account."
+        yield "The error is computed from the preset's values; measurements of the drive are not taken into account."
     if is_part:
         cycle = trace.error.kinematics.cycle_cam_revolutions
         part = f"{trace.revolutions} of the {cycle} input revolutions of the full cycle"
-        yield f"{part}: F'_ior is at least as large."
+        yield f"The error is that of {part}; F'_ior is at least as large."
     if unknowns(drive):
         yield _UNKNOWN_AS_ZERO
 
@@ -226,7 +226,7 @@ def _along_words(along: ErrorAlong | None) -> str:
     ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
     solved = f"{len(along.torques_Nm)} torques solved, error of the interpolation at most {along.bound_arcsec:.2g}″"
     ranges = f"{along.ranges_arcsec[0]:.2f}″ and {along.ranges_arcsec[-1]:.2f}″"
-    constant = f"range at constant torque of the smallest and of the largest value: {ranges}"
+    constant = f"range at the smallest and at the largest torque, each held constant: {ranges}"
     return f"{ends}, {solved}. {constant.capitalize()}. Wind-up of {along.wind_up_arcsec:.4g}″ not included"
 
 
@@ -305,7 +305,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     """Return the warnings about a drive and about the torque to which its lost motion refers."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
-    torque = f"the lost motion refers to {result.rated:g} N*m, the largest of its operation.M_g"
+    torque = f"the lost motion refers to {result.rated:g} N*m, the largest torque in operation.M_g"
     advice = "--set operation.rated=T states the rated torque"
     return (*drive.origin.warnings, f"no operation.rated in the preset: {torque}; {advice}")
 
@@ -331,7 +331,7 @@ def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
     source = drive.source.get("catalogue.lost_motion")
     origin = " (assumed)" if source and source.kind == "assumed" else ""
     excess = off(lost_motion_arcsec, limit_arcsec) or 0.0
-    compared = f"exceeds it by {excess:.0f} %" if excess > 0 else "is below it"
+    compared = f"exceeds this limit by {excess:.0f} %" if excess > 0 else "is below this limit"
     return f"at most {limit_arcsec:g}″{origin}, friction included; the model, which has no friction, {compared}"
 
 

@@ -76,7 +76,7 @@ def _after_calibration(result: Calibration, written: str | None) -> str:
     if written:
         return command_line(["hdassist", "check", written])
     if result.drive.origin.overrides:
-        return "write the values of --set into the file of the preset; then --write FILE writes a preset"
+        return "copy the values of --set to the preset file, then repeat the command with --write FILE"
     return again("calibrate", result.drive, "--write", "found.yaml")
 
 
@@ -149,7 +149,7 @@ _KIND_TITLES = {
 def explain_report(found: Sequence[Entry]) -> Report:
     """Return the meaning of names as a report; if there are none, the report lists all names by kind."""
     first, *further_entries = found or [
-        Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")
+        Entry("section", ("hdassist explain NAME",), "any name listed here, in English or Russian")
     ]
     listed = [ReportSection(f"{entry.names[0]}: {entry.words}", (_entry_facts(entry),)) for entry in further_entries]
     return Report(

@@ -303,8 +303,8 @@ def _image_words(found: SweepResult) -> str:
     if not named:
         return ""
     return (
-        f"{', '.join(named)}, with the same readings. More than {2 * ALWAYS_ORDER} readings per input revolution, or "
-        "uneven angles, distinguish them"
+        f"{', '.join(named)}, which gives the same readings. More than {2 * ALWAYS_ORDER} readings per revolution, "
+        "or uneven angles, distinguish the two"
     )
 
 
@@ -399,7 +399,7 @@ def _torque(torque: RecordedTorque) -> str:
     if fitted := torque.stiffness_Nm_rad:
         by = f"the stiffness in the recording, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
     where = "the mean torque" if fitted else "the recorded torque"
-    return f"{text}; wind-up of {size} removed with {by} (± k = {COVERAGE_FACTOR:g}). F'_ior is that at {where}"
+    return f"{text}; wind-up of {size} removed with {by} (± k = {COVERAGE_FACTOR:g}). F'_ior refers to {where}"
 
 
 def _at_torques(found: SweepResult) -> str:
@@ -411,8 +411,8 @@ def _at_torques(found: SweepResult) -> str:
         for t in found.torques
     )
     miss = found.torque_miss_arcsec
-    error = NO_VALUE if miss is None else f"{miss:.2g}″ at most"
-    return f"{', '.join(texts)} (± k = {COVERAGE_FACTOR:g}); linear between these torques, error {error}"
+    error = NO_VALUE if miss is None else f"at most {miss:.2g}″"
+    return f"{', '.join(texts)} (± k = {COVERAGE_FACTOR:g}); interpolated linearly between these torques, error {error}"
 
 
 def _slow(found: SweepResult) -> str:
@@ -427,7 +427,7 @@ def _slow(found: SweepResult) -> str:
     size = f"{found.slow_arcsec:.2f}″"
     # a part of an output revolution does not determine the cause of slow terms, so they were removed
     if found.is_part:
-        return f"slow terms of {size} removed. Part of an output revolution does not separate test rig, drift and drive"
+        return f"slow terms of {size} removed: part of a revolution does not distinguish test rig, drift and drive"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
     low, high = found.cam.interval
     cause = f" ({largest.cause})" if largest.cause else ""
@@ -660,7 +660,7 @@ def bench_report(
         ("next", _accept_command(table.file, drive, results.with_uncertainty, positions, options)),
     ]
     places = [Table.by_row("places", _PLACES, results.places)] if len(results.places) > 1 else []
-    once = "each position was approached once: its uncertainty is unknown, and scatter widens the range"
+    once = "each position was approached only once, so the uncertainty is unknown and scatter widens the range"
     has_unknown_uncertainty = len(results.with_uncertainty) < len(quantities)
     return Report(
         command="measure",
@@ -684,12 +684,12 @@ def bench_report(
 def _rated_torque(record: LoopRecord, drive: Drive | None) -> float:
     """Return the rated torque [N*m] of the drive, or the largest torque of the loops, and add a note to the record."""
     rated = drive.operation.rated if drive else None
-    basis = "the preset"
+    basis = "from the preset"
     # loops usually reach the rated torque
     if rated is None:
-        hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET states its own"
+        hint = f"{drive.name} has no operation.rated" if drive else "state another with --drive PRESET"
         rated = float(abs(record.torque_Nm).max())
-        basis = f"the largest of the loop; {hint}"
+        basis = f"the largest torque of the loop; {hint}"
     record.table.notes.append(f"rated torque {rated:g} N·m: {basis}")
     return rated
 
@@ -756,7 +756,7 @@ def _iso230_object(test: PositioningTest) -> Json:
 
 
 def _seen_words(found: SeenRange) -> str:
-    least = f"at least {found.at_least_arcsec:.2f}″ by these positions"
+    least = f"at least {found.at_least_arcsec:.2f}″ from these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
         return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
     # the captured shares of the plan are valid only if all planned positions were measured
@@ -838,9 +838,10 @@ def _sentence(found: DriveHistory) -> str:
 def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
     """Yield the number of omitted entries, and the sources missing in the uncertainty, each as a label and a text."""
     parts = sum(entry.F_ior_is_lower_bound for entry in entries)
-    yield "left out", f"lower bounds from a part of the cycle: {parts}" if parts else ""
+    results = "1 result that is" if parts == 1 else f"{parts} results that are"
+    yield "left out", f"{results} only a lower bound, from part of the cycle" if parts else ""
     missing = dict.fromkeys(name for entry in entries for name in entry.unstated)
-    yield "not in u", f"{', '.join(missing)}; they may cause a change (--budget NAME=U)" if missing else ""
+    yield "not in u", f"{', '.join(missing)}; these sources may cause a change (--budget NAME=U)" if missing else ""
 
 
 def _history_curve(found: DriveHistory) -> Curve:

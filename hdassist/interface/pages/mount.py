@@ -284,7 +284,7 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
         order += f" Make the correction ({form}) in this hole; it is valid in no other hole."
     if advice.compensated and not advice.correction:
         equal = f"With a correction ({form_words(advice.compensated[0])}) the residual F'_ior is the same in all holes."
-        order = f"{equal} By F'_ior without a correction: {order}"
+        order = f"{equal} Recommendation by F'_ior without a correction: {order}"
     if advice.names_hole:
         return order, ""
     if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
@@ -349,7 +349,7 @@ def _probability_words(advice: Advice) -> str:
     """
     decision = advice.decision
     if not advice.names_hole:
-        return f"F'_ior is that at nominal values: {advice.fault}." if advice.fault else ""
+        return f"F'_ior is computed at nominal values: {advice.fault}." if advice.fault else ""
     if not decision.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"The choice is made at nominal values; its probability is unknown{why}."
@@ -389,7 +389,7 @@ def next_value_words(advice: Advice) -> str:
         if reason:
             return f"{action}. {reason}"
         if not value.is_worth(advice.worth):
-            action += f": fewer than {advice.fewest_values} values do not show reading errors"
+            action += f": fewer than {advice.fewest_values} values do not reveal reading errors"
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
@@ -466,7 +466,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     if decision.is_sampled and not advice.correction and decision.probability_kept is not None:
         yield "limit", _limit_words(advice, decision.probability_kept)
     if advice.unknown and not decision.is_sampled:
-        yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
+        yield "unknown", f"set to 0: {unknown_names(advice.unknown)}"
     if advice.verification:
         return
     if advice.next and not advice.measured:
@@ -491,7 +491,7 @@ def _limit_words(advice: Advice, probability_met: Array) -> str:
     if advice.chosen.rotation_deg and decision.stay is not None and advice.names_hole:
         stays = f"; {start_of_count(drive)}: {100 * probability_met[decision.stay]:.0f} %"
     goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
-    event = f"{goal} meets {', '.join(limits)} (F'_ior + self error)"
+    event = f"F'_ior + self error in {goal} is at most {', '.join(limits)}"
     return f"probability that {event}: {100 * probability_met[decision.best]:.0f} %{stays}"
 
 

@@ -186,7 +186,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     beyond = drives.beyond
     if not risk or not beyond:
         share = f"{100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
-        yield f"Sufficient (without --limit): captures {share}."
+        yield f"Without --limit, a test is sufficient if it captures {share}."
         return
     exceeding = f"{_percent(beyond.value)} % of drives exceed the limit"
     if not wrong < beyond.value < 1 - wrong and all(judged.verdict is Verdict.PASS for judged in choice.judged):
@@ -277,7 +277,7 @@ def sheet_report(
         blocks=(
             Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),
             Lines("procedure", _procedure(choice), "[ ]"),
-            Facts((("temperature at begin, °C", ""), ("temperature at end, °C", ""))),
+            Facts((("temperature at start, °C", ""), ("temperature at end, °C", ""))),
             Lines("evaluation", _evaluation(choice, file)),
             _readings(choice.test, file),
         ),
@@ -297,7 +297,7 @@ def _procedure(choice: PlanChoice) -> tuple[str, ...]:
     return (
         f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
         f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
-        f"Start at any output angle, which is 0. First move back by {lead_deg}. "
+        f"Start at any output angle, and call it 0. First move back by {lead_deg}. "
         f"Before each reversal, move on by {lead_deg}.",
         f"Approach each position {sides}, {run.repeats} {times}. Never overshoot a position.",
         f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
@@ -336,4 +336,4 @@ def _readings(test: PlannedTest, file: str) -> Table | Facts:
     ):
         from_side = "below" if side > 0 else "above"
         rows.append((f"{number}", f"{minute:.0f}", f"{target_deg:.5g}", from_side, "", ""))
-    return Table("readings", ("no.", "at min", "position, °", "from", "read, °", "deviation, ″"), tuple(rows))
+    return Table("readings", ("no.", "minute", "position, °", "from", "read, °", "deviation, ″"), tuple(rows))

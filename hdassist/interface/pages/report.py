@@ -193,7 +193,7 @@ def _provenance(
     origin = drive.origin
     rows = (
         ("preset", f"{origin.file or drive.name}, SHA-256 {origin.sha256}"),
-        ("set on top", "; ".join(origin.overrides) or "none"),
+        ("overrides", "; ".join(origin.overrides) or "none"),
         ("description", " ".join(drive.description.split()) or "none"),
         ("made by", f"hdassist {__version__}, seed {seed}, effective sample size at least {draws}"),
     )

@@ -37,7 +37,7 @@ from hdassist.run.errors import Verdict
 _PLOTTED_SHARES = np.linspace(0, 100, 201)  # shares of the drives at which a plot is evaluated, %
 _PLOTTED_ROWS = 5
 _AS_ASSEMBLED = "as assembled"  # text on pages for the value "as built" in CSV files
-_MORE_DRIVES = "more drives (-n) may decide it"
+_MORE_DRIVES = "more drives (-n) may decide the verdict"
 _FEW_DESIGNS = 8  # number of designs below which a warning says that the range of the yield is uncertain
 
 
@@ -256,7 +256,7 @@ def drive_table(
 def _drawn(law: ProductionLaw, seed: int) -> str:
     """Return the distributions of the random drives as text."""
     laws = ", ".join(sorted({field.law for field in law.own if isinstance(field, TolerancedSize)}))
-    parts = [f"stated sizes: {laws}" if laws else "", "others: even" if law.not_given else "", f"seed {seed}"]
+    parts = [f"stated sizes: {laws}" if laws else "", "other sizes: uniform" if law.not_given else "", f"seed {seed}"]
     return "; ".join(filter(None, parts))
 
 
@@ -266,7 +266,7 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
         designs = f"only {summary.design_count} designs were sampled"
         yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
     if summary.refused:
-        yield f"{len(summary.refused)} drives have no result, and are counted as PASS and as FAIL: {summary.reason}"
+        yield f"{len(summary.refused)} drives have no result ({summary.reason}); the yield allows for PASS and for FAIL"
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
@@ -414,7 +414,7 @@ def _yield_range(found: YieldBelief) -> Json:
 
 _LISTED = (5, 3)  # numbers of fields on the first screen, with a tolerance and without
 _NO_SHARE = "-: contribution too small to distinguish from chance with this number of drives (-n)"
-_UNDECIDED = "no tolerance, more drives are needed"
+_UNDECIDED = "undecided, more drives are needed"
 _MORE_TIMES = 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
@@ -524,10 +524,10 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
         reduction = _reduction_words(first, " %")
         return named(first.path), f"If this tolerance is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
     largest_reduction = max(0.0, *(way.reduction_high for way in found.tightened[found.worst]))
-    reason = f"A tolerance {_STEP_WORDS} reduces {percentile} by at most {100 * largest_reduction:.0f} %."
+    reason = f"If a tolerance is {_STEP_WORDS}, {percentile} decreases by at most {100 * largest_reduction:.0f} %."
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"This field contributes {100 * largest.share:.0f} % of the variance of F'_ior."
-        return f"no tolerance, measure {named(largest.group)}", f"{share} {reason}", largest.group
+        return f"no tolerance; measure {named(largest.group)}", f"{share} {reason}", largest.group
     return _UNDECIDED, reason, ""
 
 
@@ -563,7 +563,7 @@ def _table(
     shown = [*tight[:tolerances], *not_tightened[:others]]
     has_shares = any(effect.share is not None for effect in shown)
     share = "contribution to the variance of F'_ior; " if has_shares else ""
-    reduction = f"reduction of the 95th percentile by a tolerance {_STEP_WORDS}"
+    reduction = f"reduction of the 95th percentile if the tolerance is {_STEP_WORDS}"
     title = f"at {effects[0].M_g:g} N·m: {share}{reduction}"
     table = Table.by_row(title, _EFFECT_COLUMNS, shown)
     lacks_share = any(effect.share is None for effect in shown)
@@ -608,7 +608,9 @@ def _assumed_costs(allocator: Allocator) -> list[str]:
     assumed = [choice.path for choice in allocator.choices if choice.assumed_law]
     if not assumed:
         return []
-    return [f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (preset: cost)"]
+    return [
+        f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (see cost in the preset)"
+    ]
 
 
 def _best_verdict(ways: Sequence[Allocation]) -> Verdict:
@@ -770,7 +772,7 @@ def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
     present_cost = sum(choice.law.share for choice in found.choices)
     rows.append(("cost", f"{present_cost:.2f}", *(f"{way.cost:.2f}" for way in ways)))
     heads = ("best hole" if way.turned else _AS_ASSEMBLED for way in ways)
-    return Table("tolerances (cost of each)", ("field", "preset", *heads), tuple(rows))
+    return Table("tolerances (cost in brackets)", ("field", "preset", *heads), tuple(rows))
 
 
 def _column(way: Allocation) -> str:

@@ -313,7 +313,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
                 torque_list = ", ".join(f"{M_g:g}" for M_g in torques)
                 raise UsageError(
                     f"--limit {limit}: {drive.name} is not computed at {limit.torque:g} N*m, but at {torque_list}",
-                    f"--torque {limit.torque:g}",
+                    f"add --torque {limit.torque:g}",
                 )
         return drive
 
@@ -465,8 +465,8 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
     from hdassist.drive.loading import with_warning
 
     text = (
-        f"no load (--torque 0): computed at {no_load_Nm:.4g} N*m, 2 % of the rated torque, at which the accuracy of "
-        "catalogues is compared; without any torque, backlash leaves the output undetermined"
+        f"no load (--torque 0): computed at {no_load_Nm:.4g} N*m (2 % of the rated torque), as for the comparison with "
+        "the catalogue accuracy; without any torque, backlash leaves the output undetermined"
     )
     return with_warning(drive, text)
 
@@ -483,7 +483,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
     torques = [option_value("--torque", text, "N*m") for text in stated_texts]
     for text, torque in zip(stated_texts, torques, strict=True):
         if not 0 < abs(torque) <= 1e7:
-            hint = "check, trace, mount and others take 0 as no load" if not torque else ""
+            hint = "commands such as check, trace and mount accept 0 for no load" if not torque else ""
             raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, other than 0", hint)
     return [f"operation.M_g={torques!r}"] if torques else []
 
@@ -510,7 +510,7 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 def stdin_once(*names: str | None) -> None:
     """Raise UsageError if more than one of the names is standard input."""
     if names.count("-") > 1:
-        raise UsageError("standard input can be read only once")
+        raise UsageError("standard input can be read only once", "save one of the inputs in a file, and name the file")
 
 
 _OF_PAGES = (RowsOptions, CardOptions)  # groups of options for the output, which do not affect the result

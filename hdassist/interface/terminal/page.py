@@ -301,9 +301,9 @@ def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCh
             ("mesh positions solved", f"{found.states}"),
             ("mesh positions that needed a fallback", f"{found.fallbacks}"),
         ]
-        bound = f", relative residual, at most {TOLERANCE:.0e}"
+        bound = f", relative residual (limit {TOLERANCE:.0e})"
         rows += [(f"{label}{bound}", f"{getattr(found, name):.1e}") for name, label in _RESIDUALS.items()]
         if cross := certificate_object(found, cross_checks)["cross_check"]:
-            label = f"{cross['states']} solved again with {cross['solver']}: difference, at most {CROSS_TOLERANCE:g}″"
+            label = f"{cross['states']} solved again with {cross['solver']}: difference (limit {CROSS_TOLERANCE:g}″)"
             rows.append((label, f"{cross['max_difference_arcsec']:.1e}″"))
         yield Facts(tuple(rows))

@@ -112,7 +112,7 @@ def on_what(drive: Drive) -> str:
 def not_known(drive: Drive) -> str:
     """Return a note on the unknown deviations of a drive, which are computed as 0; empty if there are none."""
     open_ = unknowns(drive)
-    return f"taken as 0: {unknown_names(open_)}" if open_ else ""
+    return f"set to 0: {unknown_names(open_)}" if open_ else ""
 
 
 def named(path: str) -> str:
@@ -155,7 +155,7 @@ def measure_words(found: Sequence[MeasurementGain], M_g: float) -> str:
 
 def more_draws(samples: Samples) -> str:
     """Return the hint that more samples may decide a verdict, with their number."""
-    return f"more samples may decide this, without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
+    return f"more samples may decide the verdict without a measurement: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
 def samples_words(samples: Samples) -> str:
@@ -163,7 +163,7 @@ def samples_words(samples: Samples) -> str:
     refused = sum(samples.refused.values())
     text = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
     if samples.of_ranges.draws < samples.draws:
-        text += f"; ranges and contributions are those of the first {samples.of_ranges.draws}"
+        text += f"; ranges and contributions are computed from the first {samples.of_ranges.draws}"
     if refused:
         text += f"; {refused} refused as impossible drives ({next(iter(samples.refused))})"
     return text
@@ -237,7 +237,7 @@ def texts(language: str = HOME) -> Texts:
     import yaml
 
     if language not in languages():
-        raise UsageError(f"no language {language!r}", f"available: {', '.join(languages())}")
+        raise UsageError(f"unknown language {language!r}", f"use one of {', '.join(languages())}")
     source = (files(__package__) / "languages" / f"{language}.yaml").read_text(encoding="utf-8")
     return Texts(language, yaml.safe_load(source))
 
