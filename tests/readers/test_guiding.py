@@ -166,7 +166,7 @@ def test_unknown_declination_gives_a_lower_bound_unless_stated(tmp_path):
     refused = run("compensate", "log.txt", "--ratio", "100", "--torque", "1", cwd=tmp_path)
     assert refused.returncode == 4
     guided = head(declination="RA/Dec = Unknown") + guided_night().rows()
-    with pytest.raises(PresetError, match="unknown declination"):
+    with pytest.raises(PresetError, match="does not state the declination"):
         read(guided)
 
 

@@ -72,8 +72,8 @@ DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}  # direction of the input 
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
 _DRIFT_OFF = (
-    "the cycle does not close, so a linear drift of {:.3g}″ is removed. With the drift, the curve spans {:.1f}″. "
-    "Check the ratio"
+    "the cycle does not close, so a linear drift of {:.3g}″ is removed. With the drift, the curve spans {:.1f}″; "
+    "check the ratio"
 )
 _WIND_UP_LEFT = (
     "the torque follows the output angle, but its wind-up is not removed: use --drive PRESET with catalogue.K_1 to K_3"

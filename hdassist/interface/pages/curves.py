@@ -194,11 +194,10 @@ def _limits_of_trace(
 ) -> Iterator[str]:
     """Yield the limitations of an error curve; is_part: whether the curve is shorter than the full mesh cycle."""
     if drive.measured != Measured.of_defaults():
-        yield "The error is computed from the preset's values; measurements of the drive are not taken into account."
+        yield "Computed from the preset; measurements of the drive are not taken into account."
     if is_part:
         cycle = trace.error.kinematics.cycle_cam_revolutions
-        part = f"{trace.revolutions} of the {cycle} input revolutions of the full cycle"
-        yield f"The error is that of {part}; F'_ior is at least as large."
+        yield f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least as large."
     if unknowns(drive):
         yield _UNKNOWN_AS_ZERO
 
