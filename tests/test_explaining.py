@@ -43,7 +43,7 @@ REPORTED = (
         ("one-wave share", {"quantity or word"}, "less than 1 %"),
         ("Lost Motion", {"check", "quantity or word", "field"}, "4 %"),
         ("self error", {"check", "quantity or word", "field"}, "without any deviation"),
-        ("Генератор волн", {"quantity or word"}, "bends the flexspline"),
+        ("Генератор волн", {"quantity or word"}, "deforms the flexspline"),
         ("жесткое колесо", {"quantity or word"}, "internal teeth"),
         ("gears", {"section"}, "Teeth"),
         ("N", {"quantity or word", "symbol", "field"}, "balls"),

@@ -489,7 +489,7 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
             if axis.path in [before.path for before in axes]:
                 raise InvalidValueError("each field only once", "give one range, or one list with all values")
             if is_overridden(axis.path, overrides):
-                hint = f"leave out either {_VARY} or --set and --torque for this field"
+                hint = f"leave out either {_VARY} or the other option for this field"
                 raise InvalidValueError("a field that neither --set nor --torque sets", hint)
         except InvalidValueError as fault:
             message = f"invalid {_VARY} {shown(text) or 'nothing'}: expected {fault.message}"

@@ -284,11 +284,13 @@ class TraceForm:
         angles = self.angle_units
         # both columns would give the error
         if self.error is not None and self.second is not None:
-            raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
+            raise UsageError(
+                "--error cannot be combined with --second", "name either the error, or the angle of a second encoder"
+            )
         if self.speed is not None and self.period is not None:
             raise UsageError(
-                "invalid --speed with --period: expected one of them",
-                "use one of the two; each converts times to angles",
+                "--speed cannot be combined with --period",
+                "use one of the two; each of them converts times to angles",
             )
         if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")

@@ -161,7 +161,7 @@ def recording_from_trace(trace: MeasuredTrace, ratio: float) -> Recording:
     Raises DataError for sweeps in both directions, and under the conditions of `Recording`.
     """
     if len({sweep.direction for sweep in trace.sweeps}) > 1:
-        raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
+        raise DataError("the recording has sweeps in both directions", "use only sweeps in one direction")
     rows = trace.rows
     numbers = [np.full(len(sweep), number) for number, sweep in enumerate(trace.sweeps)]
     return recording_from_columns(
@@ -184,7 +184,7 @@ def ordered_readings(recording: Recording) -> OrderedReadings:
     sweeps = _sweeps_in_time(recording)
     senses = [_sense(place[rows], length) for rows in sweeps]
     if {1, -1} <= set(senses):
-        raise DataError("the recording has sweeps in both directions", "use the sweeps of one direction")
+        raise DataError("the recording has sweeps in both directions", "use only sweeps in one direction")
     turned = -1 if -1 in senses else 1
     # rounding gives equal positions equal bits
     place = np.round(np.round(turned * place, _PLACE_DIGITS) % length, _PLACE_DIGITS) % length

@@ -499,7 +499,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     (folder / "run.csv").write_text("phi_h_deg,error_arcsec\n0,1\n1,2\n")
     code, _, err = here("accept", "run.csv")
     assert code == 4
-    assert "none of the column names belongs to a lot" in err
+    assert "no column has a name that is valid in a lot" in err
     assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
 
 

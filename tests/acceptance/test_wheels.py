@@ -146,7 +146,7 @@ def test_a_lot_from_standard_input(folder):
     ("args", "stdin", "code", "said"),
     [
         (("-", "--preset", "-"), LOT, 2, "a row of a lot cannot read from standard input"),
-        (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot, and cannot be combined"),
+        (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot and cannot be combined"),
         (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "measured values belong to one drive"),
         (("-", "--preset", TINY), "", 4, "<stdin>:1:1: the file is empty"),
         (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: not a column of a lot"),

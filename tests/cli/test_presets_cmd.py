@@ -348,7 +348,10 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--teeth", "160/162", "--ratio", "100"], "--teeth 160/162 contradicts --ratio 100, which takes 200/202"),
+        (
+            ["--teeth", "160/162", "--ratio", "100"],
+            "--teeth 160/162 contradicts --ratio 100, which needs 200/202 teeth",
+        ),
         (["--teeth", "160/163"], "invalid --teeth 160/163: expected z_b - z_g = 2 (two waves)"),
         (["--teeth", "many"], "invalid --teeth 'many': expected two whole numbers"),
         (["--ratio", "82.3"], "a ratio of 82.3 needs 164.6 teeth"),

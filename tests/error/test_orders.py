@@ -107,5 +107,5 @@ def test_highest_order_is_correct_for_even_and_odd_state_counts(reference, count
 
 
 def test_a_trace_starts_at_an_angle(reference):
-    with pytest.raises(UsageError, match="invalid start angle nan: expected a number"):
+    with pytest.raises(UsageError, match="invalid start angle nan: expected a finite number"):
         trace(reference, 80, start_deg=np.nan)

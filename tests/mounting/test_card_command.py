@@ -60,7 +60,7 @@ def test_the_card_on_stdout_and_the_tables_in_a_file(tmp_path):
     [
         (["--card", "card.pdf"], ".txt, .html"),
         (["--card", "card"], ".txt, .html"),
-        (["--card", "card.html", "--lang", "xx"], "available: en, ru"),
+        (["--card", "card.html", "--lang", "xx"], "use one of en, ru"),
         (["--lang", "ru"], "--card"),
         (["--serial", "1"], "--card"),
         (["--card", "-", "--json"], "standard output"),

@@ -191,7 +191,10 @@ def test_an_outcome_says_keep_or_go_back():
         ((*TRIALS, "--sure", "1.1"), "must be at most"),
         (("4=17",), "for hole 4 write h4"),
         ((*TRIALS, "--verify", "h4=17", "--card", "card.txt"), "--card cannot be combined with --verify"),
-        ((*TRIALS, "--set", "tolerances.e_hb=0"), "trials need the size of the wave generator eccentricity"),
+        (
+            (*TRIALS, "--set", "tolerances.e_hb=0"),
+            "trials need a value of tolerances.e_hb, the size of the wave generator eccentricity",
+        ),
     ],
 )
 def test_wrong_usage_is_told_before_any_work(arguments, words):

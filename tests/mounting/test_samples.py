@@ -138,7 +138,7 @@ def test_a_free_angle_and_many_holes() -> None:
     ("overrides", "words"),
     [
         (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "bearing.ball_motion: locked"),
-        (["tolerances.e_hb=0"], "trials need the size of the wave generator eccentricity"),
+        (["tolerances.e_hb=0"], "trials need a value of tolerances.e_hb, the size of the wave generator eccentricity"),
     ],
 )
 def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:

@@ -137,9 +137,9 @@ def test_a_remark_may_hold_the_names() -> None:
         ("", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
         (" \r\n\n", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
         ("1;2\nPK\0\n", "w.csv:2:1: a binary file (got a NUL character; save the table as text: CSV in UTF-8)"),
-        ("# form: index\n", "w.csv:1:1: no rows of numbers in the file (rows of tooth number, deviation)"),
+        ("# form: index\n", "w.csv:1:1: no rows of numbers in the file (write rows of tooth number, deviation)"),
         ("# a\nDear sir,\nthanks\n",
-         "w.csv:2:1: no rows of numbers in the file (got Dear sir,; rows of tooth number, deviation)"),
+         "w.csv:2:1: no rows of numbers in the file (got Dear sir,; write rows of tooth number, deviation)"),
         ("#\n1\n2\n", "w.csv:2:1: 1 column, needs 2: tooth number, deviation "
          "(got 1; separate columns by ; or , or tabs or blanks)"),
         ("1;2\n2;x\n", "w.csv:2:3: column 2: must be a number (got x; put # in front of a comment line)"),

@@ -263,7 +263,7 @@ def trace(
             "use at most the full mesh cycle, after which the error repeats itself",
         )
     if not np.isfinite(start_deg):
-        raise UsageError(f"invalid start angle {start_deg}: expected a number")
+        raise UsageError(f"invalid start angle {start_deg}: expected a finite number")
     # one state per pitch of the fixed wheel, from the start angle of the moving wheel
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))

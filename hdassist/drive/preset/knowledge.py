@@ -709,7 +709,7 @@ def _teeth_requirement(
         z_g = _teeth_of_ratio(like, ratio)
         if z_of_teeth is not None and z_of_teeth != z_g:
             stated = required["gears.z_g"].ref
-            message = f"{stated} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}"
+            message = f"{stated} contradicts --ratio {plain(ratio)}, which needs {z_g}/{z_g + 2} teeth"
             raise UsageError(message, "omit one of the two")
         required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
     return required

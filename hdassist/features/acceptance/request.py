@@ -530,7 +530,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
     # if no column fits, the table is of another kind
     if len(findings) == len(table.names) > 1:
         remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
-        raise DataError(f"{table.file}: none of the column names belongs to a lot", remedy, Fault.FILE_INVALID)
+        raise DataError(f"{table.file}: no column has a name that is valid in a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns

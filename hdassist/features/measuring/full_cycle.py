@@ -96,7 +96,7 @@ def reason_outside(result: Measurement, sweep: SweepResult) -> str:
     if result.gearing.travel:
         return "F'_ior refers to a travel whose place in the cycle is unknown"
     if sweep.is_scale_bound:
-        return "the declination of the guide star is unknown, and with it the size of the error"
+        return "the declination of the guide star, which determines the size of the error, is unknown"
     if sweep.direction == 0:
         return "both directions were combined"
     if result.trace.is_between_torques or len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep):

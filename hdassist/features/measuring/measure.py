@@ -1033,7 +1033,7 @@ class Reading(ClosedRecord, TraceForm):
             raise DataError(f"{result.table.file}: {kind}", hint)
         require_recorded(result.trace, how.get("M_g"))
         if result.trace.is_lower_bound:
-            message = "the declination of the guide star is unknown, and with it the size of the error"
+            message = "the declination of the guide star, which determines the size of the error, is unknown"
             raise DataError(f"{result.trace.file}: {message}", "state the declination: --declination DEG")
         return result
 

@@ -1007,7 +1007,7 @@ def open_prior(drive: Drive) -> DrivePrior:
     priors = {field.path: field for field in belief.fields}
     if size not in priors and not drive.number(size) > 0:
         raise UsageError(
-            f"trials need the size of the wave generator eccentricity: {size}",
+            f"trials need a value of {size}, the size of the wave generator eccentricity",
             f"state the size, for example --set {size}=80; sizes up to {_WIDEST_SIZE:g} times 80 um are then sampled",
         )
     pairs = [(size, direction)]

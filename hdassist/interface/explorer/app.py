@@ -294,7 +294,7 @@ class _Exporting(Asking):
     def action_copy(self) -> None:
         """Copy the command line to the clipboard."""
         self.copy_to_clipboard(self.session.command())
-        self.notify("the command line is on the clipboard")
+        self.notify("command copied to the clipboard")
 
     async def action_quit(self) -> None:
         """Quit; ask for confirmation if there are unsaved or undone changes."""

@@ -218,7 +218,7 @@ def _facts(result: Comparison) -> Iterator[Fact]:
         yield "residual", "; ".join(order_texts)
     cycle = Kinematics.of(result.drive).cycle_cam_revolutions
     turns = result.sweep.bins.span
-    advice = f"the full mesh cycle of {cycle} input revolutions; the recording has {turns:.2f}"
+    advice = f"the full mesh cycle of {cycle} input revolutions; the recording covers {turns:.2f}"
     yield "measure", advice if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)

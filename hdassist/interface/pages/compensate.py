@@ -242,11 +242,11 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
         yield "recording", f"{recording}; the correction uses the angles of the recording"
         slow = "sidebands and slow terms of the output, which a part of the cycle does not determine"
         yield "open", f"{slow}; the residual includes these terms"
-        yield "measure", "more of the cycle, which reduces the upper end of the residual"
+        yield "measure", "more of the cycle, which reduces the upper bound of the residual"
     elif recorded:
         yield "recording", f"at {recorded} N·m; the correction uses the angles of the recording"
     if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
-        yield "noise", "one cycle does not distinguish noise from error; the upper end of the residual includes noise"
+        yield "noise", "one cycle does not distinguish noise from error; the upper bound of the residual includes noise"
         yield "measure", "the cycle twice or more, so that noise averages out"
 
 

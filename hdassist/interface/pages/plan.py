@@ -162,8 +162,8 @@ def _answer(choice: PlanChoice) -> str:
 def _facts(choice: PlanChoice, record: str) -> Iterator[Fact]:
     """Yield facts about the test, each as a label and a text; record: file that the next command measures."""
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
-    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
-    blind = f"to components that repeat {often} times per output revolution (share of the mean square of the error)"
+    often = ", ".join(f"{line.per_output_turn:g} times ({_percent(line.variance_share)} %)" for line in lines)
+    blind = f"to components that repeat {often} per output revolution (share of the mean square of the error)"
     yield "blind", blind if lines else ""
     yield "sufficient", _sufficient_tests(choice) if choice.asked else ""
     yield "duration", _duration(choice.test) if choice.asked or choice.drive.limit(choice.M_g) else ""
@@ -186,7 +186,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     beyond = drives.beyond
     if not risk or not beyond:
         share = f"{100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
-        yield f"Without --limit, a test is sufficient if it captures {share}."
+        yield f"A sufficient test captures {share} (no limit set)."
         return
     exceeding = f"{_percent(beyond.value)} % of drives exceed the limit"
     if not wrong < beyond.value < 1 - wrong and all(judged.verdict is Verdict.PASS for judged in choice.judged):

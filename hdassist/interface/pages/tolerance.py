@@ -414,7 +414,7 @@ def _yield_range(found: YieldBelief) -> Json:
 
 _LISTED = (5, 3)  # numbers of fields on the first screen, with a tolerance and without
 _NO_SHARE = "-: contribution too small to distinguish from chance with this number of drives (-n)"
-_UNDECIDED = "undecided, more drives are needed"
+_UNDECIDED = "undecided, more drives (-n) are needed"
 _MORE_TIMES = 4
 _STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
