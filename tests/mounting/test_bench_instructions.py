@@ -164,6 +164,14 @@ def test_a_verification_has_one_result() -> None:
     assert again.suspected is again.verification.trial
     assert result_of(again) == ("MEASURE AGAIN", least, Verdict.INCONCLUSIVE.exit_code, "BEST_BET", "leave")
     assert mount_report(again, 0).values["next"]["hole"] == least
+    # also if another hole is better by the values before: the wheel moves only after a second reading
+    verdicts = {}
+    for factor in (0.6, 1.0, 1.5, 1.8, 2.2):
+        doubtful = verified(bad, factor * truth[bad])
+        is_suspected = doubtful.suspected is doubtful.verification.trial
+        verdicts[factor] = (is_suspected, doubtful.verification.verdict)
+    assert verdicts[1.0] == (False, "GO_BACK")
+    assert {verdict for is_suspected, verdict in verdicts.values() if is_suspected} == {"MEASURE_AGAIN"}
 
 
 @pytest.mark.thorough

@@ -190,3 +190,9 @@ def test_equal_holes_have_equal_expected_loss():
     assert alike.expected_loss == pytest.approx([apart.expected_loss.mean()] * 4)
     assert alike.probability_good == pytest.approx([apart.probability_good.mean()] * 4)
     assert (alike.best, alike.word()) == (0, "ANY_HOLE")
+
+
+def test_the_worst_hole_has_the_largest_error() -> None:
+    # hole 0 is the least likely to meet 29", and hole 1 has the larger expected error
+    found = decision_of([10.0, 24.0, 9.0], [30.0, 24.0, 9.0], room_arcsec=(29.0,))
+    assert (found.ranked[-1], found.worst) == (0, 1)

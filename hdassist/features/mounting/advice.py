@@ -283,6 +283,11 @@ class Advice:
         return tuple(map(self.position, self.decision.ranked))
 
     @property
+    def worst(self) -> Position:
+        """The usable position with the largest expected F'_ior."""
+        return self.position(self.decision.worst)
+
+    @property
     def correction(self) -> str:
         """Description of the stored correction on which the choice is based; empty if the choice is based on F'_ior."""
         return self.compensated[0] if self.compensated and self.compensated[1] is self.decision else ""
@@ -1065,11 +1070,14 @@ def _verified(
         place = decision.place(trial.rotation_deg)
         if place is None:
             return np.inf
-        if checked.as_predicted or checked.is_misread:
+        if checked.as_predicted:
             return float(decision.expected_loss[place])
         is_comparable = advice.torque_of(trial) == advice.torque_of(outcome)
         return trial.F_ior_arcsec / outcome.F_ior_arcsec if is_comparable else np.inf
 
+    # a probable reading error is measured again before the wheel moves
+    if checked.is_misread:
+        return checked
     other_trials = [trial for trial in advice.trials[:-1] if trial.rotation_deg != outcome.rotation_deg]
     least = min(reversed(other_trials), key=loss, default=outcome)
     back = least if loss(least) + decision.cost < loss(outcome) else None

@@ -314,6 +314,11 @@ class Decision:
         return ranked_holes(self.expected_loss, self.probability_kept)
 
     @property
+    def worst(self) -> int:
+        """Index of the hole with the largest expected loss, which need not be the least likely to meet limits."""
+        return int(np.argmax(self.expected_loss))
+
+    @property
     def best(self) -> int:
         """Index of the recommended hole, which is the present hole unless the expected gain exceeds the cost of moving.
 

@@ -543,7 +543,7 @@ class Explorer(_Exporting):
         # among equal holes there is no best one
         if advice and advice.word != "ANY_HOLE":
             letters[advice.chosen.rotation_deg] += "B"
-            letters[advice.ranked[-1].rotation_deg] += "W"
+            letters[advice.worst.rotation_deg] += "W"
         if advice and advice.next:
             letters[advice.next.rotation_deg] += "?"
         for angle_deg in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:

@@ -174,7 +174,7 @@ def seat_of(
     positions = {"now": advice.current}
     if goal:
         positions["best"] = goal
-        positions["worst"] = advice.ranked[-1]
+        positions["worst"] = advice.worst
     first_deg = advice.drive.mounting.first_hole
     marks = [_position_mark(kind, position, first_deg, say) for kind, position in positions.items()]
     # the best position is drawn last, so its mark is on top

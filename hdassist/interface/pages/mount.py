@@ -92,7 +92,7 @@ def mount_report(
         where = f"{count} measured value{'s' if count > 1 else ''}{spread} at {torques} N·m"
     decision = advice.decision
     stay = () if decision.stay is None else (decision.stay,)
-    rows = dict.fromkeys((decision.best, *decision.ranked[:_ROWS], *stay, decision.ranked[-1]))
+    rows = dict.fromkeys((decision.best, *decision.ranked[:_ROWS], *stay, decision.worst))
     if decision.all_alike:  # the differences between the holes are due to chance
         rows = {decision.best: None}
     return Report(
@@ -583,7 +583,7 @@ def _names_of_places(advice: Advice) -> dict[int | None, str]:
     names = {decision.stay: _standing(advice)}
     if advice.names_hole:
         # the best hole is labelled "best" even if the wheel is already in it
-        names = {decision.ranked[-1]: "worst", **names, decision.best: "best"}
+        names = {decision.worst: "worst", **names, decision.best: "best"}
     if advice.verification:
         names[decision.best] = _VERIFICATION_WORDS[advice.verification.verdict].lower()
     return names
@@ -773,7 +773,7 @@ def _choice_values(advice: Advice) -> Json:
         "recommended": goal,
         "best_bet": goal,
         "destination": _destination(advice),
-        "worst": advice.ranked[-1],
+        "worst": advice.worst,
         "probability": decision.probability if decision.is_sampled else None,
         "instruction": instruction_of(advice),
         "positions": [
