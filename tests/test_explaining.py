@@ -251,3 +251,10 @@ def test_ascii_explanations_transliterate_russian_and_greek_letters() -> None:
         assert "?" not in done.stdout
     assert "ekstsentrisitet" in run("explain", "eccentricity", "--ascii").stdout
     assert latin("Угол φ_h, ″") == "Ugol phi_h, ″"
+
+
+def test_several_words_without_quotes_are_one_name():
+    phrase = run("explain", "wave", "generator", "--json")
+    quoted = run("explain", "wave generator", "--json")
+    assert phrase.returncode == quoted.returncode == 0
+    assert phrase.stdout == quoted.stdout

@@ -251,6 +251,12 @@ def _has_word(entry: Entry, stem: str) -> bool:
     return stem in (_normal_spelling(word).removesuffix("s") for word in spellings)
 
 
+def is_name(name: str) -> bool:
+    """Return whether a name or its plural has an entry of its own."""
+    spelling = _normal_spelling(name)
+    return any(key in _by_spelling() for key in (spelling, spelling.removesuffix("s")))
+
+
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
     """Return the entries with a name, or with this name as a word in their names or values.
 

@@ -138,7 +138,7 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
     if not limits:
         raise DataError(
             f"{drive.name} has no acceptance limit",
-            "add acceptance: {F_ior: {80: 30}} to the preset, or use --limit F_ior=30",
+            f"add acceptance: {{F_ior: {{{drive.operation.M_g[0]:g}: 30}}}} to the preset, or use --limit F_ior=30",
         )
     return limits
 

@@ -514,11 +514,13 @@ class ExplainCommand(o.PageOptions):
 
     def report(self, out: Output, _preset: str) -> Report:
         """Return the report that explains the names."""
-        from hdassist.interface.explaining import explained
+        from hdassist.interface.explaining import explained, is_name
         from hdassist.interface.pages.data import explain_report
 
         options = {field: option_text["help"] for table in o.DECLARED.values() for field, option_text in table.items()}
-        entries = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
+        phrase = " ".join(self.names)
+        names = [phrase] if is_name(phrase) else self.names  # several words without quotes may be one name
+        entries = list(dict.fromkeys(entry for name in names for entry in explained(name, options)))
         if out.style.ascii and not out.json:
             entries = [entry.in_latin() for entry in entries]
         return explain_report(entries)

@@ -389,7 +389,7 @@ def next_value_words(advice: Advice) -> str:
         if reason:
             return f"{action}. {reason}"
         if not value.is_worth(advice.worth):
-            action += f": fewer than {advice.fewest_values} values do not reveal reading errors"
+            action += f": fewer than {advice.fewest_values} values do not reveal each reading error"
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
@@ -432,7 +432,11 @@ def _reduction(
     F_ior_now = advice.worths[0][1]
     if len(advice.torques) > 1:
         return f"F'_ior {only}by {100 * max(1 - F_ior / F_ior_now, 0.0):.1f} % on average"
-    return f"the mean F'_ior {only}from {F_ior_now:.1f} to {F_ior:.1f}″{_elsewhere(advice)}"
+    before = f"{F_ior_now:.1f}"
+    after = f"{F_ior:.1f}"
+    if before == after:
+        return f"the mean F'_ior of {before}″ by less than 0.1″{_elsewhere(advice)}"
+    return f"the mean F'_ior {only}from {before} to {after}″{_elsewhere(advice)}"
 
 
 def _expected(advice: Advice, *gains: tuple[float, str]) -> str:
