@@ -234,8 +234,8 @@ def rig() -> Iterator[str]:
 DRAWINGS = {
     "drive": (drive, 850, 450, "A harmonic drive, seen from the wave generator side"),
     "bench-cam-side": (cam_side, 790, 312, "Section of a drive, and a rotation seen from both sides"),
-    "bench-holes": (holes, 720, 400, "Holes count counter-clockwise, seen from the wave generator side"),
-    "bench-mark": (marks, 770, 360, "Directions of marks count counter-clockwise from hole 0"),
+    "bench-holes": (holes, 720, 400, "Holes are numbered counter-clockwise, seen from the wave generator side"),
+    "bench-mark": (marks, 770, 360, "Directions of marks are measured counter-clockwise from hole 0"),
     "bench-rig": (rig, 720, 216, "Test rig: motor, input encoder, drive, output encoder, drum with a weight"),
 }
 

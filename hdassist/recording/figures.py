@@ -148,10 +148,10 @@ class RangeFigure:
 def part_to_record(posterior: AmplitudePosterior) -> tuple[float, float] | None:
     """Return the ends of the part of the cycle whose recording would narrow the interval of F'_ior most [input rev].
 
-    Angles count from the zero of the recorded angles. The part has the largest number of extremes of the sampled curves
-    at positions without readings, each weighted by the contribution of such positions to the range of its curve. If the
-    part contains the end of the cycle, its second angle exceeds the length of the cycle. The result is None if all
-    positions are covered, or if uncovered positions do not contribute to the range.
+    Angles are measured from the zero of the recorded angles. The part has the largest number of extremes of the sampled
+    curves at positions without readings, each weighted by the contribution of such positions to the range of its curve.
+    If the part contains the end of the cycle, its second angle exceeds the length of the cycle. The result is None if
+    all positions are covered, or if uncovered positions do not contribute to the range.
     """
     seen = visited_places(posterior.visited_rev, posterior.cycle)
     cell_of_point = np.arange(len(seen)) * _CELLS // len(seen)

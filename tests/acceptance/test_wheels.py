@@ -77,7 +77,10 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
     [
         (("--mark-b", "3"), "--mark-b needs a measured wheel"),
         (("--pitch-sense", "cw"), "need --pitch-b or --pitch-g"),
-        ((*FILES, "--measured-only"), "--measured-only makes no prediction, so it cannot use measured teeth"),
+        (
+            (*FILES, "--measured-only"),
+            "--measured-only makes no prediction, so measured pitch deviations cannot be used",
+        ),
         (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read only once"),
         (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file has 20"),
         ((TINY, *FILES), "measured values belong to one drive"),

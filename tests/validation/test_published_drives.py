@@ -44,12 +44,12 @@ ABOUT = (
     "five values, and the load and coupling of these drives are unknown. The standard error of a share is up to 7 %. "
     "The two smallest values have shares of 12 to 17 %. The largest value, which an owner states for a drive with an "
     "unknown coupling, is above all samples.\n\nThe prior assumes that half of the wheels have small single pitch "
-    "deviations ([unknown inputs](unknown.md#prior)). The five values at 2.4 N·m give an estimate of this share. The "
-    "probability density of each value is computed for two kinds of drives: the single pitch deviations of both wheels "
-    "are small, or those of neither wheel. With a uniform prior of the share, its posterior mean and standard "
-    "deviation are given below the first table. The standard error of a published value is assumed to be 15 %, and "
-    "with a probability of 2 % the value belongs to a drive of neither kind. Five values hardly narrow the share, so "
-    "it remains an assumption."
+    "deviations ([unknown inputs](unknown.md#prior)). This share is estimated from the five published values that have "
+    "a *share below*, compared with drives sampled at 2.4 N·m. The probability density of each value is computed for "
+    "two groups of drives: drives in which both wheels have small single pitch deviations, and drives in which neither "
+    "wheel has. The prior for the share is uniform. The posterior mean and standard deviation of the share are given "
+    "below the first table. The standard error of a published value is assumed to be 15 %. With a probability of 2 %, "
+    "a value is assumed to belong to neither group. Five values hardly narrow the share, so it remains an assumption."
 )
 
 

@@ -426,7 +426,7 @@ class CoveredCycle(ClosedRecord):
         next_deg = (360 * first / ratio, 360 * last / ratio) if cycle.record_next_rev else None
         why = ""
         if cycle.at_most_arcsec is None:
-            why = f"{100 * share:.3g} % of the cycle recorded, PASS needs {100 * LEAST_SHARE_OF_PASS:.3g} %"
+            why = f"{100 * share:.3g} % of the cycle was recorded, and PASS needs {100 * LEAST_SHARE_OF_PASS:.3g} %"
         return cls(
             share=share,
             at_most=cycle.at_most_arcsec,
@@ -804,10 +804,11 @@ def _why_bound_is_open(
     at_most = accepted.at_most
     value = accepted.value or 0.0
     if at_most is None:
-        return f"a lower bound: {cycle.why_open + cycle.advice if cycle else 'only a part of the cycle was recorded'}"
+        why = cycle.why_open + cycle.advice if cycle else "only a part of the cycle was recorded"
+        return f"the measured range is a lower bound: {why}"
     room_of_end = room - (at_most - value)
     if cycle is not None:  # the upper end of the model includes the uncertainty
         return _MAY_BE.format(at_most) + cycle.advice if room_of_end < 0 else ""
     if room_of_end < guard * at_most / max(value, 1e-9):
-        return f"a lower bound: the value may be up to {at_most:.4g}"
+        return f"the measured range is a lower bound: F'_ior of the full cycle may be up to {at_most:.4g}″"
     return ""

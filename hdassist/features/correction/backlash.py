@@ -104,14 +104,14 @@ BACKLASH_FORMATS = {
         name="Duet (RepRapFirmware 3.5 and later)",
         line=_duet,
         comment=";",
-        setup="add the line to config.g; the axis must count degrees of the output",
+        setup="add the line to config.g; the unit of the axis must be degrees of output rotation",
         why_no_table="RepRapFirmware has no such table (its issue 469 requests one)",
     ),
     "grblhal": BacklashFormat(
         name="grblHAL",
         line=_grblhal,
         comment=";",
-        setup="use a build with backlash compensation; the axis must count degrees of the output",
+        setup="use a build with backlash compensation; the unit of the axis must be degrees of output rotation",
         why_no_table="no such table was found in grblHAL and its plugins",
     ),
     "heidenhain": BacklashFormat(

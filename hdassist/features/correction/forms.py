@@ -1,8 +1,8 @@
 """Corrections as a controller stores and evaluates them: tables and correction terms, fitted by least squares.
 
-Signs: the error is the actual minus the ideal angle of the output [arcsec]. It counts counter-clockwise, seen from the
-wave generator side, like every angle. A controller subtracts it from its set-point. F_kpp, the ideal minus the actual
-angle, has the opposite sign.
+Signs: the error is the actual minus the ideal angle of the output [arcsec]. It is positive counter-clockwise, seen from
+the wave generator side, like every angle. A controller subtracts it from its set-point. F_kpp, the ideal minus the
+actual angle, has the opposite sign.
 
 Zero: the position of wave generator and output at phi_h = 0 with the output angle 0 of the preset.
 """

@@ -241,7 +241,7 @@ def controller_file(
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in the period of the table"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
-        for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
+        for_torque += f" with increasing readings, {table.other_M_g:g} N*m with decreasing readings"
     travel = []
     if table.recorded_deg:
         low, high = sorted(axis.zero_deg + axis.sense * turn_deg for turn_deg in table.recorded_deg)
@@ -506,7 +506,8 @@ def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
         f"static const double hdassist_error_arcsec[{len(errors)}][HDASSIST_POINTS] = {{",
         *rows,
         "};",
-        "/* error [arcsec] at a reading [deg]: subtract it from the set-point */",
+        "/* error [arcsec] at a reading [deg]: subtract it from the set-point;",
+        "   counts_down: 1 if the reading decreases, else 0 */",
         "static double hdassist_error(double reading_deg, int counts_down) {",
         f"    const double *values = hdassist_error_arcsec[{way}];",
         f"    double turns = (reading_deg - ({axis.zero_deg:.9g})) / {table.period_deg:g};",
@@ -533,7 +534,7 @@ CONTROLLER_FORMATS = {
         name="C",
         turns=("output", "cam", "half-cam"),
         lines=_c_array,
-        setup="include the file, and subtract hdassist_error(reading, down) from the set-point",
+        setup="include the file, and subtract hdassist_error(reading_deg, counts_down) from the set-point",
         by_direction=True,
         step_arcsec=1e-5,
         comment="//",

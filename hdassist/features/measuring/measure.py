@@ -990,7 +990,7 @@ class LoggedJoint:
         name, _, columns = text.partition("=")
         parts = columns.rsplit(",", 2)
         if not name or len(parts) != 3 or not all(parts) or not isfinite(number_of(parts[-1])):
-            hint = "give the columns of input and output encoder, and the ratio: J1=cam1,out1,100"
+            hint = "give the columns of the input and output encoders, and the ratio: J1=cam1,out1,100"
             raise UsageError(f"invalid --joint {text}: expected NAME=ANGLE,SECOND,RATIO", hint)
         gearing_of(None, number_of(parts[-1]))
         return cls(name, parts[0], parts[1], number_of(parts[-1]))

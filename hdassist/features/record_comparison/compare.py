@@ -490,7 +490,7 @@ def zero_of(
     drive: the drive.
     start_deg: output angle at phi_h = 0 [deg], or None.
     """
-    # input angles count from the zero of the drive's input
+    # input angles are measured from the zero of the drive's input
     if trace.angle_of == "cam":
         return 0.0
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg

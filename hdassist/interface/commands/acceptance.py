@@ -247,8 +247,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         o.stdin_once(*self.presets, *base.files()[1:], self.replay)
         if self.measured_only and base.wheels.files:
             raise UsageError(
-                "--measured-only makes no prediction, so it cannot use measured teeth",
-                "leave out --measured-only, or --pitch-b and --pitch-g",
+                "--measured-only makes no prediction, so measured pitch deviations cannot be used",
+                "leave out either --measured-only, or both --pitch-b and --pitch-g",
             )
         if self.preset == "-":
             raise UsageError(

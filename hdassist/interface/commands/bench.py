@@ -54,14 +54,14 @@ class MountCommand(
       hdassist mount my-drive.yaml --compensated output:256
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
-    The fixed wheel is the circular spline or the flexspline. A hole is a position in which it can be bolted. Holes and
-    turns count counter-clockwise, seen from the wave generator side, from hole 0, where the wheel was before the first
-    trial. All uncertain inputs are sampled jointly, as in check (docs/unknown.md). The recommended hole has the
-    smallest expected excess over the best hole at the governing torque; with a limit, it is the hole most likely to
-    meet it. TURN or LEAVE: the probability that the choice is right is at least 95 % (--sure); a turn has to reduce
-    F'_ior by more than 1 %. BEST BET: the probability is lower. ANY HOLE: no hole is expected to be better than another
-    by 1 %. -q prints only the hole (or the angle), or the word any. The exit code is 0 for all four; with --sure it is
-    6 if the probability is lower than required.
+    The fixed wheel is the circular spline or the flexspline. A hole is a position in which it can be bolted. Holes are
+    numbered, and turns are measured, counter-clockwise, seen from the wave generator side, from hole 0, where the wheel
+    was before the first trial. All uncertain inputs are sampled jointly, as in check (docs/unknown.md). The recommended
+    hole has the smallest expected excess over the best hole at the governing torque; with a limit, it is the hole most
+    likely to meet it. TURN or LEAVE: the probability that the choice is right is at least 95 % (--sure); a turn has to
+    reduce F'_ior by more than 1 %. BEST BET: the probability is lower. ANY HOLE: no hole is expected to be better than
+    another by 1 %. -q prints only the hole (or the angle), or the word any. The exit code is 0 for all four; with
+    --sure it is 6 if the probability is lower than required.
 
     F'_ior measured in holes raises the probability. Measure the first three values in holes 120 deg apart, at a light
     torque. Take the wheel out and put it back before each measurement. The page names the hole to measure next and the
@@ -165,7 +165,8 @@ class MountCommand(
                 )
         if self.compensated and has_teeth:
             raise UsageError(
-                "--compensated cannot be combined with measured teeth", "leave out --pitch-b and --pitch-g"
+                "--compensated cannot be combined with measured pitch deviations",
+                "leave out either --compensated, or both --pitch-b and --pitch-g",
             )
 
     def _decision_options(self) -> dict[str, Any]:
@@ -664,8 +665,8 @@ class CompensateCommand(
     full mesh cycle, for the first torque of the preset. Its residual is computed over all uncertain inputs
     (docs/unknown.md), at every torque. The page also gives the residual for a wrong zero and for a lost input
     revolution. Errors are actual minus ideal angles of the output, counter-clockwise positive, seen from the wave
-    generator side. Input angles count from the position phi_h = 0. --csv writes the correction. A correction that may
-    make a drive worse is refused (docs/correct.md).
+    generator side. Input angles are measured from the position phi_h = 0. --csv writes the correction. A correction
+    that may make a drive worse is refused (docs/correct.md).
 
     Each FILE is a recording at one torque of the preset, in the sequence of the torques. The correction is then
     computed from the recordings. If a recording covers the full mesh cycle, the correction uses the angles of the
@@ -735,8 +736,9 @@ class CompensateCommand(
         files = self.files or []
         torques = drive.operation.M_g
         if len(files) > len(torques):
+            torque_count = "only one torque" if len(torques) == 1 else f"only {len(torques)} torques"
             raise UsageError(
-                f"{len(files)} recordings, but {drive.name} has {len(torques)} torques", "give --torque for each file"
+                f"{len(files)} recordings, but {drive.name} has {torque_count}", "give one --torque for each file"
             )
         return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 

@@ -70,7 +70,7 @@ def instruction(
 ) -> str:
     """Return the instruction for the fixed wheel: the destination first, then the turn to it from hole 0.
 
-    All turns count from hole 0, because the present hole of the wheel is unknown after trials.
+    All turns are measured from hole 0, because the present hole of the wheel is unknown after trials.
 
     advice: choice of a hole.
     say: texts of the reader's language.
@@ -132,7 +132,7 @@ def _any_hole(advice: Advice, say: Texts) -> str:
 
 
 def start_of_count(drive: Drive, say: Texts = ENGLISH) -> str:
-    """Return the name of the position from which turns count, such as "hole 0"."""
+    """Return the name of the position from which turns are measured, such as "hole 0"."""
     return say("place.start_hole") if drive.mounting.holes else say.angle(0.0)
 
 
