@@ -396,7 +396,9 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
             )
         elif value is not None and value != table_values[0] and not document.is_override(field_path):
             document.warn(
-                field_path, f"{plain(value)} is not the first value in the section fit", "it is used without a range"
+                field_path,
+                f"{plain(value)} differs from the fitted value {plain(table_values[0])}",
+                "the values of the fit section are not used for this field",
             )
     for path in values.get("drive.uncertainty", ()):
         if path in values and values[path] is None:

@@ -487,7 +487,9 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
         try:
             axis = _axis(text)
             if axis.path in [before.path for before in axes]:
-                raise InvalidValueError("each field only once", "give one range, or one list with all values")
+                raise UsageError(
+                    f"{_VARY} {axis.path} is given more than once", "give one range, or one list with all values"
+                )
             if is_overridden(axis.path, overrides):
                 hint = f"leave out either {_VARY} or the other option for this field"
                 raise InvalidValueError("a field that neither --set nor --torque sets", hint)
@@ -520,7 +522,7 @@ def _axis(text: str) -> Axis:
         raise InvalidValueError("KEY=START:STOP:STEPS", _FORM)
     numbers = [_axis_number(part, field) for part in (parts[:2] if is_grid else parts)]
     if len(set(numbers)) < len(numbers):
-        raise InvalidValueError("each value only once", "leave out the repeated value")
+        raise InvalidValueError("different values", "leave out the repeated value")
     if is_grid:
         start, stop = (Fraction(repr(number)) for number in numbers)
         numbers = _grid(start, stop, parts[2], field.kind == "count")

@@ -526,7 +526,7 @@ def trace_of(
     ratio: input revolutions per output revolution, required for output angles and for two encoders.
     Raises PresetError for the first fault of the angles.
     Raises DataError if the ratio is missing.
-    Raises UsageError if one column is selected twice.
+    Raises UsageError if one column is selected both as the angle and as the error or second encoder.
     """
     first, second = _columns(table, form)
     _require_rows_and_ratio(table, first, second, ratio)
@@ -968,6 +968,26 @@ def _is_even(cam: Array, within_deg: float) -> bool:
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 
+def _second_column(
+    table: NumberTable,
+    form: TraceForm,
+    kinds: Sequence[str],
+    *,
+    by_second: bool,
+) -> int:
+    """Return the index of the column of the output angle if by_second, otherwise of the error."""
+    if by_second:
+        return _column(table, form.second, kinds, "output", "second")
+    return _column(table, form.error, kinds, "error", "error")
+
+
+def _selected_twice(table: NumberTable, angle: int, *, by_second: bool) -> UsageError:
+    """Return the error for the column of the angle, which is selected as second encoder or as error too."""
+    role = "second encoder" if by_second else "error"
+    message = f"column {table.name(angle)} is selected both as the angle and as the {role}"
+    return UsageError(message, f"choose another column: {table.listed}")
+
+
 def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceColumn]:
     """Return the columns of the angle, and of the error or the output angle, from options, names or positions.
 
@@ -983,12 +1003,9 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     shaft = _shaft_of_angle(kinds[angle], form, is_time=is_time)
     kinds[angle] = ""  # the column of the angle is not a candidate for the error
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
-    if by_second:
-        second_index = _column(table, form.second, kinds, "output", "second")
-    else:
-        second_index = _column(table, form.error, kinds, "error", "error")
+    second_index = _second_column(table, form, kinds, by_second=by_second)
     if second_index == angle:
-        raise UsageError(f"column {table.name(angle)} is selected twice, also as the angle", f"columns: {table.listed}")
+        raise _selected_twice(table, angle, by_second=by_second)
     if by_second and shaft == "output":
         raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
     if is_time:

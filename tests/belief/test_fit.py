@@ -56,7 +56,7 @@ def test_value_changed_by_hand_replaces_its_fit_with_a_warning():
     changed = load_text(text.replace("C_3: 2.0e3", "C_3: 2.5e3"), "own.yaml")
     assert {each.path for each in prior_of(changed).fields} == {"gears.j_n"}
     (warning,) = changed.origin.warnings
-    assert "supports.C_3: 2500 is not the first value in the section fit" in warning
+    assert "supports.C_3: 2500 differs from the fitted value 2000" in warning
 
 
 def test_values_identified_anew_are_around_no_fit_of_before():

@@ -266,7 +266,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "measured: {F_ior: {h4@80: 28}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
          "must be a number and its uncertainty (got 28; for example 260 ± 10)"]),
         ([], "measured: {F_ior: {h4@80: 28 ± 0}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
-         "out of range: value and uncertainty above 0, up to 1e6 arcsec (got 28 ± 0)"]),
+         "value or uncertainty out of range: both must be above 0, up to 1e6 arcsec (got 28 ± 0)"]),
         *([([], f"measured: {{F_ior: {{{key}: 28 ± 1}}}}\n", [f"my.yaml:9:20: measured.F_ior.{key}: "
          f"must be a hole or an angle in deg, at a torque in N*m (got {key}; for example h4@80 or 120@80)"])
           for key in ("h4", "x@80", "h4@0", "h-1@80", "h4@80 Nm")]),

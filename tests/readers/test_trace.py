@@ -73,9 +73,9 @@ def test_columns_by_option():
     assert "no column of input or output angles by its name" in fault(data)
     assert "2 columns of errors" in fault(text([CAM, ERROR, ERROR], "cam,err_1,err_2"))
     assert "2 columns of input or output angles" in fault(text([CAM, CAM, ERROR], "enc1,enc2,err"))
-    with pytest.raises(UsageError, match="is selected twice"):
+    with pytest.raises(UsageError, match="column a is selected both as the angle and as the error"):
         read(data, angle="a", error="a")
-    with pytest.raises(UsageError, match="not both"):
+    with pytest.raises(UsageError, match="--error cannot be combined with --second"):
         read(data, angle="a", error="b", second="c")
     with pytest.raises(UsageError, match="invalid --error-unit mm: expected a unit of angle"):
         read(data, angle="a", error="b", error_unit="mm")

@@ -318,7 +318,7 @@ class PresetField:
         """Return a measured value with its uncertainty. Raises InvalidValueError if one is invalid or out of range."""
         reading = _UncertainReading(*read_spread(str(value), self.unit))
         if not all(map(self.holds, reading)):
-            raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
+            raise InvalidValueError(f"value or uncertainty out of range: both must be {self.range_words(self.unit)}")
         return reading
 
     def draws(self, values: Any) -> tuple[float, ...]:

@@ -494,7 +494,7 @@ def _limit_words(advice: Advice, probability_met: Array) -> str:
     stays = ""
     if advice.chosen.rotation_deg and decision.stay is not None and advice.names_hole:
         stays = f"; {start_of_count(drive)}: {100 * probability_met[decision.stay]:.0f} %"
-    goal = hole_place(advice.chosen) if advice.names_hole else "any hole"
+    goal = hole_place(advice.chosen) if advice.names_hole else "whichever hole is used"
     event = f"F'_ior + self error in {goal} is at most {', '.join(limits)}"
     return f"probability that {event}: {100 * probability_met[decision.best]:.0f} %{stays}"
 
@@ -555,7 +555,7 @@ def _positions_table(
         rows.append(_position_row(advice, place, label, stands_for_all=stands_for_all))
     spread = ": median (5 to 95 %)" if is_sampled else ""
     if stands_for_all:
-        spread += " in any hole"
+        spread += " in every hole"
     residual = f"residual F'_ior ({form_words(advice.correction)})" if advice.correction else "F'_ior"
     torque_heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     place_head = "angle, °"
