@@ -17,6 +17,7 @@ from hdassist.drive.model.deviations import carried
 from hdassist.drive.model.geometry import Array, Kinematics
 from hdassist.drive.preset.fields import Drive
 from hdassist.drive.solve.answers import EMPTY, Certificate
+from hdassist.features.correction.directions import RECORDED_DRAWS
 from hdassist.features.correction.forms import (
     TRIED_POINTS,
     USUAL_TABLES,
@@ -29,7 +30,6 @@ from hdassist.features.correction.forms import (
     line_orders,
 )
 from hdassist.features.correction.records import (
-    RECORDED_DRAWS,
     RecordedError,
     agreeing_drives,
     alike_lines,
@@ -78,6 +78,8 @@ class _LoadedError:
     F_ior_arcsec: F'_ior of a recording of the full mesh cycle [arcsec]; None without such a recording.
     visited: whether each point of the cycle lies in the recorded travel, shape (points,); None for the full cycle.
     stated_arcsec: median of F'_ior over the samples, as given by `check` [arcsec]; None without samples.
+    difference: samples of the error in one direction of rotation minus that in the other, of which the lines are the
+        mean; None if the directions are not distinguished.
     """
 
     lines: ErrorLines
@@ -85,12 +87,22 @@ class _LoadedError:
     F_ior_arcsec: float | None = None
     visited: NDArray[np.bool_] | None = None
     stated_arcsec: float | None = None
+    difference: ErrorLines | None = None
 
     @cached_property
     def actual(self) -> Array:
-        """Actual error [arcsec], shape (drives, points)."""
+        """Actual error, for two directions of rotation that of their mean [arcsec], shape (drives, points)."""
         # F_kpp is the lag of the output, but a controller corrects the position, which has the opposite sign
         return -self.lines.curves
+
+    @cached_property
+    def by_direction(self) -> tuple[Array, ...]:
+        """Actual error with increasing and with decreasing angles, or of all rotation, each as `actual`."""
+        if self.difference is None:
+            return (self.actual,)
+        rows = np.arange(len(self.actual)) % len(self.difference.amplitude)
+        half = self.difference.curves[rows] / 2
+        return self.actual - half, self.actual + half
 
     def range_of(self, curves: Array) -> Array:
         """Return the range of each curve over the points of the travel; curves have the shape (..., points)."""
@@ -113,9 +125,14 @@ class _LoadedError:
 
     @property
     def ranges(self) -> Array:
-        """Ranges of the error without a correction [arcsec], shape (drives,)."""
-        ranges = self.range_of(self.actual)
+        """Ranges of the error without a correction, the larger of both directions [arcsec], shape (drives,)."""
+        ranges = np.max([self.range_of(curves) for curves in self.by_direction], axis=0)
         return np.asarray(ranges if self.F_ior_arcsec is None else np.full_like(ranges, self.F_ior_arcsec))
+
+    @property
+    def mean_range_arcsec(self) -> float:
+        """Range of the mean error of all drives, the larger of both directions [arcsec]."""
+        return max(float(self.range_of(curves.mean(axis=0))) for curves in self.by_direction)
 
     @property
     def uncorrected_p50(self) -> float:
@@ -131,6 +148,20 @@ class ErrorPart:
     """A part of the error: its name, and its range at 5, 50 and 95 % of drives [arcsec]."""
 
     name: str
+    p5: float
+    p50: float
+    p95: float
+
+
+@dataclass(frozen=True)
+class DirectionResidual:
+    """Range of the error with a correction in one direction of rotation.
+
+    direction: 1 for increasing angles of the recording, -1 for decreasing ones.
+    p5, p50, p95: percentiles of the range [arcsec].
+    """
+
+    direction: int
     p5: float
     p50: float
     p95: float
@@ -175,6 +206,9 @@ class Correction:
     misfit: relative misfit of the drives that agree with recordings of part of the cycle; None without such recordings.
     samples: samples of the drive; None if it has no uncertain inputs.
     certificate: certificate of the solved states.
+    directions: residuals of the requested form at the first torque by direction of rotation; empty unless a recording
+        of both directions determines them.
+    between_directions: range of the difference between the directions at the first torque; None without it.
     """
 
     drive: Drive | None
@@ -189,6 +223,8 @@ class Correction:
     misfit: float | None
     samples: Samples | None
     certificate: Certificate
+    directions: tuple[DirectionResidual, ...] = ()
+    between_directions: ErrorPart | None = None
 
     @property
     def M_g(self) -> float:
@@ -312,6 +348,7 @@ def correction_of(
                 error,
                 lines=alike_lines(error.lines, run, misfit),
                 beyond=float(np.mean(error.beyond)),
+                difference=record.difference if record else None,
             )
         elif samples and sampled is not None:
             error = replace(error, stated_arcsec=samples.of_ranges.percentile(0.5, k))
@@ -334,7 +371,7 @@ def _recorded_belief(
     """
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
     recorded = with_scale_spread(recorded_lines(lines, record, run), record.scale_uncertainty, run.seed)
-    error = _LoadedError(recorded, visited=visited)
+    error = _LoadedError(recorded, visited=visited, difference=record.difference)
     return replace(error, F_ior_arcsec=record.F_ior_arcsec or float(error.range_of(error.lines.mean.curves)[0]))
 
 
@@ -386,7 +423,34 @@ def _fitted_correction(
         misfit=misfit,
         samples=samples,
         certificate=certificate,
+        directions=_direction_residuals(chosen.form, torques[0], design),
+        between_directions=_between_directions(design),
     )
+
+
+def _direction_residuals(
+    form: CorrectionForm,
+    M_g: float,
+    error: _LoadedError,
+) -> tuple[DirectionResidual, ...]:
+    """Return the residuals of a form in each direction of rotation; empty if the directions are not distinguished.
+
+    M_g: torque of the error [N*m].
+    """
+    if error.difference is None:
+        return ()
+    taken = correction_curve(error.corrected(form, M_g, together=True), error.lines.kinematics)
+    residuals = _direction_ranges_left(taken, error)
+    return tuple(
+        DirectionResidual(direction, *percentiles(ranges)) for direction, ranges in zip((1, -1), residuals, strict=True)
+    )
+
+
+def _between_directions(error: _LoadedError) -> ErrorPart | None:
+    """Return the range of the difference between the directions, or None if they are not distinguished."""
+    if error.difference is None:
+        return None
+    return ErrorPart("between directions", *percentiles(error.range_of(error.difference.curves)))
 
 
 def _halving_points(design: _LoadedError, *, together: bool) -> int | None:
@@ -651,20 +715,37 @@ def ranges_left(
     error: _LoadedError,
     off_turns: Sequence[float] = (0.0,),
 ) -> Array:
-    """Return the residual ranges of an error over the cycle with a correction [arcsec], shape (offsets, drives).
+    """Return the residual ranges of an error with a correction, the larger of both directions [arcsec].
 
-    The part of the error beyond the lines is not corrected, and its range is added in quadrature.
+    The shape is (offsets, drives).
 
     correction: the correction.
     error: error of the drives at a torque.
     off_turns: offsets of the zero of the correction [input revolutions].
     """
-    kinematics = error.lines.kinematics
-    taken = correction_curve(correction, kinematics)
+    taken = correction_curve(correction, error.lines.kinematics)
+    by_direction = [_direction_ranges_left(taken, error, off) for off in off_turns]
+    return np.asarray(np.max(by_direction, axis=1))
+
+
+def _direction_ranges_left(
+    taken: Array,
+    error: _LoadedError,
+    off_turns: float = 0.0,
+) -> Array:
+    """Return the residual ranges over the cycle with a correction, by direction [arcsec], shape (directions, drives).
+
+    The part of the error beyond the lines is not corrected, and its range is added in quadrature.
+
+    taken: error that the correction removes over the cycle [arcsec], shape (..., points).
+    error: error of the drives at a torque.
+    off_turns: offset of the zero of the correction [input revolutions].
+    """
     places = np.arange(error.actual.shape[1]) / error.actual.shape[1]
-    # convert the offsets to shares of the cycle
-    shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
-    residual_ranges = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
+    # convert the offset to a share of the cycle
+    shift = off_turns / error.lines.kinematics.cycle_cam_revolutions
+    removed = between_points(taken, places + shift)
+    residual_ranges = [error.range_of(curves - removed) for curves in error.by_direction]
     # the part beyond the lines is not corrected, and adds like noise
     return np.asarray(np.hypot(residual_ranges, error.beyond * error.ranges))
 
@@ -828,6 +909,7 @@ def _drawn_belief(
     error = _LoadedError(
         lines=with_scale_spread(drawn.lines, record.scale_uncertainty, found.seed),
         visited=record.visited(kinematics) if found.is_of_travel else None,
+        difference=drawn.difference,
     )
     return replace(error, beyond=drawn.beyond_arcsec / np.maximum(error.ranges, np.finfo(float).tiny))
 
@@ -867,9 +949,10 @@ def verify(
     promised = result.chosen.residuals[0]
     error = result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
-    F_ior_arcsec = float(np.ptp(lines.mean.curves))
+    residual = _LoadedError(lines, difference=record.difference)
+    F_ior_arcsec = residual.mean_range_arcsec
     # 95th percentile of the range over the errors that agree with the noisy readings
-    *_, largest = percentiles(np.ptp(lines.curves, axis=1))
+    *_, largest = percentiles(residual.ranges)
     # noise may have increased the range, so the lower end is as far below the range as the upper end is above it
     low = max(0.0, 2 * F_ior_arcsec - largest)
     # a part of the cycle gives a lower bound only

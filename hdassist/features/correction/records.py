@@ -3,6 +3,10 @@
 Noise of the readings is part of each line of a recording. The line is therefore shrunk according to its expected size,
 which follows from the possible drives and from similar lines. For a recording of part of the cycle, the lines are those
 of drives that agree with the recording apart from a misfit.
+
+If both directions of rotation were recorded, the model of `directions` gives their difference. Half of its mean is
+removed from the readings of each direction. All readings then determine the mean of both directions, although each
+direction may cover another part of the cycle. The samples of the difference remain part of the residual.
 """
 
 from __future__ import annotations
@@ -24,20 +28,23 @@ from hdassist.drive.model.deviations import unknowns
 from hdassist.drive.model.geometry import Array, Kinematics
 from hdassist.drive.preset.fields import Drive
 from hdassist.drive.solve.answers import EMPTY, Certificate
+from hdassist.features.correction.directions import (
+    RECORDED_DRAWS,
+    DrawnErrors,
+    drawn_as_one,
+    drawn_both_directions,
+    increasing_of,
+)
 from hdassist.features.correction.forms import between_points
 from hdassist.features.measuring.fit import COVERAGE_FACTOR
-from hdassist.features.measuring.full_cycle import cleaned_recording
 from hdassist.features.measuring.measure import Measurement
 from hdassist.features.record_comparison.compare import mirrored_reading
 from hdassist.features.record_comparison.record import Alignment, doubts_of
-from hdassist.recording.positions import recording_from_columns
-from hdassist.recording.posterior import AmplitudePosterior, posterior_of_recording
 from hdassist.run.errors import Fault, UntrustedError
 from hdassist.run.run import Run
 
 # input revolutions beyond an end of a travel, over which the continuation changes from an odd to an even image
 _BEND_TURNS = 0.1
-RECORDED_DRAWS = 64  # sampled drives that agree with a recording
 _LEAST_LINE = 0.02  # smallest mean square of a line due to a misfit, as a share of the mean square of all lines
 _USUAL_GAP = 0.5  # share of the cycle in gaps no wider than the usual gap; the usual gap limits the resolved lines
 _IMAGE = 0.5  # smallest correlation of two waves at the readings at which the waves count as images of each other
@@ -81,6 +88,8 @@ class RecordedError:
     F_ior_arcsec: F'_ior [arcsec] as given by `measure`; None for a solved error.
     sha256: hash of the recording's file.
     scale_uncertainty: relative standard uncertainty of a common factor of all errors.
+    difference: samples of the error with increasing minus that with decreasing angles of the file, with the signs of
+        the drive. The errors are then those of the mean of both directions. None without two comparable directions.
     """
 
     cam_turns: Array
@@ -90,6 +99,7 @@ class RecordedError:
     F_ior_arcsec: float | None = None
     sha256: str = ""
     scale_uncertainty: float = 0.0
+    difference: ErrorLines | None = None
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
         """Return whether each point of the cycle lies in the recorded travel, shape (points,)."""
@@ -356,7 +366,7 @@ def recorded_error(
     kinematics: Kinematics,
     asked: Alignment,
 ) -> RecordedError:
-    """Return the error of a recording without level and drift, with both directions as one.
+    """Return the error of a recording without level and drift, for two directions that of their mean.
 
     The error of a travel is continued over the cycle.
 
@@ -365,98 +375,61 @@ def recorded_error(
     sweep = measurement.directions[0]
     # convert the signs of the file to those of F_kpp and of the drive's input
     alignment = asked.of_file(measurement.trace, kinematics)
-    error = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
+    turns = alignment.sense * sweep.bins.turns
+    both = drawn_both_directions(measurement, kinematics, asked)
+    difference = both.difference if both else None
+    error_arcsec = alignment.sign * sweep.fit.error
+    if difference:
+        half = difference.mean.curves[0] / 2
+        departure = between_points(half, turns / kinematics.cycle_cam_revolutions)
+        error_arcsec = error_arcsec - np.where(increasing_of(sweep.bins), departure, -departure)
+    error = RecordedError(turns, error_arcsec, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
-        error = error.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
+        # several sweeps count as one, because a continuation with the mean step of all sweeps would seem to resolve
+        # components that no sweep resolves
+        step = np.unique(np.floor(sweep.bins.turns * sweep.bins.per_turn), return_inverse=True)[1]
+        fitted_arcsec = error_arcsec - alignment.sign * sweep.fit.residual
+        error = RecordedError(_means_by_step(turns, step), _means_by_step(error_arcsec, step))
+        error = error.filled(kinematics, _means_by_step(fitted_arcsec, step))
     return replace(
         error,
         F_ior_arcsec=measurement.F_ior_arcsec,
         sha256=measurement.trace.sha256,
         scale_uncertainty=measurement.trace.scale_uncertainty,
+        difference=difference,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _DrawnErrors:
-    """Errors of sampled drives that agree with a recording.
+def _means_by_step(values: Array, step: NDArray[np.int64]) -> Array:
+    """Return the means of values over all readings of each step of the angle, shape (steps,).
 
-    lines: components at orders of the input and the output, for each drive.
-    beyond_arcsec: range that other components can add [arcsec], shape (drives,); their phases differ from cycle to
-        cycle.
+    values: value of each reading, shape (readings,).
+    step: number of the step of each reading, from 0, shape (readings,).
     """
-
-    lines: ErrorLines
-    beyond_arcsec: Array
+    return np.asarray(np.bincount(step, values) / np.bincount(step))
 
 
 def drawn_errors(
     measurement: Measurement,
     kinematics: Kinematics,
     asked: Alignment,
-) -> _DrawnErrors:
+) -> DrawnErrors:
     """Return errors that agree with a recording, sampled from the posterior of its amplitudes.
 
     Waves that the recording does not determine, such as sidebands in a part of the cycle, differ from sample to sample.
-    Both directions count as one, and each sweep has its own level.
 
     measurement: the measurement with both directions as one and with the ratio.
     kinematics: kinematics of the drive.
     asked: counting convention of the file.
     Raises UntrustedError for fewer than two input revolutions, and DataError if the readings are not a recording.
     """
-    sweep = measurement.directions[0]
-    trace = measurement.trace
-    turns = sweep.bins.span
+    turns = measurement.directions[0].bins.span
     # in a single revolution, slow terms cannot be separated
     if turns < _FEWEST_TURNS:
-        message = f"{trace.file}: the longest sweep covers only {turns:.2g} input revolutions"
+        message = f"{measurement.trace.file}: the longest sweep covers only {turns:.2g} input revolutions"
         raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
-    alignment = asked.of_file(trace, kinematics)
-    ratio = abs(kinematics.u)
-    cleaned = cleaned_recording(sweep, ratio)
-    order = np.lexsort((cleaned.input_rev, cleaned.sweep))  # sort each sweep by increasing angle
-    recording = recording_from_columns(
-        input_rev=alignment.sense * cleaned.input_rev[order],
-        error_arcsec=alignment.sign * cleaned.error_arcsec[order],
-        ratio=ratio,
-        sweep=cleaned.sweep[order],
-        time=np.sort(cleaned.time),
-    )
-    posterior = posterior_of_recording(recording, seed=measurement.seed)
-    # select samples evenly spaced over all draws
-    draws = np.linspace(0, len(posterior.amplitudes) - 1, RECORDED_DRAWS).astype(np.int64)
-    return _DrawnErrors(
-        lines=_lines_of_draws(posterior, draws, kinematics),
-        beyond_arcsec=2 * posterior.line_amplitudes[draws].sum(axis=1),
-    )
-
-
-def _lines_of_draws(
-    posterior: AmplitudePosterior,
-    draws: NDArray[np.int64],
-    kinematics: Kinematics,
-) -> ErrorLines:
-    """Return the components of selected posterior draws as lines of the full cycle.
-
-    draws: indices of the draws, shape (drives,).
-    """
-    cosines, sines = np.split(
-        posterior.amplitudes[draws],
-        2,
-        axis=1,
-    )
-    cycle = posterior.cycle
-    # each pair contains the periods per input revolution and per output revolution
-    periods = posterior.pairs[:, 0] * cycle.numerator + posterior.pairs[:, 1] * cycle.denominator
-    per_cycle, index = np.unique(periods, return_inverse=True)
-    amplitude = np.zeros((len(draws), len(per_cycle)), dtype=complex)
-    np.add.at(amplitude.T, index, (cosines - 1j * sines).T)  # several components may have the same period
-    return ErrorLines(
-        kinematics=kinematics,
-        per_cycle=per_cycle,
-        amplitude=amplitude,
-        certificate=EMPTY,
-    )
+    both = drawn_both_directions(measurement, kinematics, asked)
+    return both or drawn_as_one(measurement, kinematics, asked)
 
 
 def with_scale_spread(

@@ -29,6 +29,7 @@ sample size must be sufficient. Outside this domain, only the range of the fitte
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot
 
@@ -124,7 +125,9 @@ def is_joint(result: Measurement) -> bool:
     """Return whether one model describes both directions: it applies to each of them, at the same torque."""
     if {sweep.direction for sweep in result.directions} != {1, -1}:
         return False
-    return not any(reason_outside(result, sweep) for sweep in result.directions) and _is_same_torque(result)
+    if any(reason_outside(result, sweep) for sweep in result.directions):
+        return False
+    return _is_same_torque(result, result.directions)
 
 
 def is_covered_together(result: Measurement) -> bool:
@@ -137,11 +140,24 @@ def is_covered_together(result: Measurement) -> bool:
     return len(np.unique(np.concatenate(covered))) >= FULL_SHARE * cells
 
 
-def _is_same_torque(result: Measurement) -> bool:
+def has_comparable_directions(result: Measurement) -> bool:
+    """Return whether a recording contains both directions at one torque, so that one model may describe them.
+
+    result: measurement with both directions as one.
+    """
+    if {sweep.direction for sweep in result.alone} != {1, -1} or result.trace.is_between_torques:
+        return False
+    for sweep in result.alone:
+        if len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep) or _blocks(sweep) > MOST_BLOCKS:
+            return False
+    return _is_same_torque(result, result.alone)
+
+
+def _is_same_torque(result: Measurement, directions: Sequence[SweepResult]) -> bool:
     """Return whether both directions were recorded at the same torque, which may be measured against the motion."""
     if result.torque is None:
         return True
-    loads = [np.abs(sweep.bins.load) for sweep in result.directions]
+    loads = [np.abs(sweep.bins.load) for sweep in directions]
     return not result.torque.is_change([np.concatenate(loads)])
 
 
