@@ -15,12 +15,14 @@ from hdassist.features.correction.correct import (
     IN_PLACE,
     TURN_LOST,
     Correction,
+    DirectionResidual,
     ErrorPart,
     FormResiduals,
     VerifiedCorrection,
     correction_curve,
 )
 from hdassist.features.correction.forms import ExpectedResidual, correction_columns, form_words, line_orders
+from hdassist.features.measuring.measure import DIRECTION_NAMES
 from hdassist.features.report import Curve, Fact, Facts, Json, Report, Table, csv_columns, samples_object
 from hdassist.interface.terminal.words import ENVELOPE, again
 from hdassist.run.errors import Verdict
@@ -99,6 +101,8 @@ def _correction_object(result: Correction) -> Json:
     return {
         "M_g_Nm": result.M_g,
         "parts": result.parts,
+        "directions": result.directions,
+        "between_directions": result.between_directions,
         "forms": [_form_object(residual) for residual in result.forms],
         "refused": is_refused,
         "recorded_Nm": list(result.records),
@@ -211,6 +215,7 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     residuals = ", ".join(f"{n}: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
     yield "terms", f"residual with {residuals.replace(':', ' terms:', 1)}"
     yield from _record_facts(result)
+    yield from _direction_facts(result)
     missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
     if result.chosen.form.each_load and missing:
         yield "stored", f"no correction for {', '.join(missing)} N·m, where it may increase the error"
@@ -250,6 +255,18 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
         yield "measure", "the cycle twice or more, so that noise averages out"
 
 
+def _direction_facts(result: Correction) -> Iterator[Fact]:
+    """Yield the residual in each direction of rotation, which one correction for both directions leaves."""
+    if not result.between_directions or result.chosen.is_refused:
+        return
+    residuals = "; ".join(
+        f"{DIRECTION_NAMES[residual.direction]} input angle: {_range(residual)}″" for residual in result.directions
+    )
+    difference = f"the two error curves differ by {_range(result.between_directions)}″"
+    yield "directions", f"{residuals}; {difference}, and one correction serves both"
+    yield "not corrected", "the lost motion at reversal, which hdassist measure states"
+
+
 def _is_of_part(result: Correction) -> bool:
     """Return whether the correction has no preset and comes from a recording of a part of the cycle or of a travel."""
     return result.drive is None and any(record.is_part for record in result.records.values())
@@ -266,7 +283,7 @@ def _percent(each: FormResiduals) -> str:
     return " to ".join(dict.fromkeys(f"{100 * share:.0f}" for share in each.left[::2]))
 
 
-def _range(each: ErrorPart | ExpectedResidual, separator: str = "-") -> str:
+def _range(each: ErrorPart | ExpectedResidual | DirectionResidual, separator: str = "-") -> str:
     """Return the 5th and 95th percentile [arcsec] as text, or one number if they are equal."""
     return separator.join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
 
