@@ -31,7 +31,7 @@ from hdassist.run.errors import DataError
 
 _Indices = NDArray[np.int64]
 # largest denominator of the ratio, in output revolutions; longer cycles are not recorded in practice
-_LARGEST_DENOMINATOR = 20
+LARGEST_DENOMINATOR = 20
 _FEWEST_READINGS = 20  # minimum number of readings in a recording
 _MISFIT_REV = 0.1  # largest disagreement of the two angles of a reading, in input revolutions
 _PLACE_DIGITS = 9  # decimal digits of a revolution to which positions are distinguished
@@ -121,9 +121,9 @@ def cycle_of(ratio: float) -> Fraction:
 
     Raises DataError if the cycle does not close within 20 output revolutions.
     """
-    fraction = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
+    fraction = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
     if abs(float(fraction) - ratio) > 1e-9 * ratio:
-        message = f"the cycle of ratio {ratio:.6g} does not close within {_LARGEST_DENOMINATOR} output revolutions"
+        message = f"the cycle of ratio {ratio:.6g} does not close within {LARGEST_DENOMINATOR} output revolutions"
         raise DataError(message, "give the ratio of the numbers of teeth")
     return fraction
 

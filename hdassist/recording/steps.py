@@ -19,14 +19,16 @@ its probability, by the mean of B over the readings, is at least 95 %.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from hdassist.drive.model.geometry import Array
+from hdassist.recording.positions import LARGEST_DENOMINATOR
 from hdassist.recording.sizes import wave_profile
-from hdassist.recording.waves import ALWAYS_ORDER, USUAL_SIDEBANDS, block_means, wave_values
+from hdassist.recording.waves import ALWAYS_ORDER, block_means, wave_pairs, wave_values
 from hdassist.run.errors import SURE
 
 _Indices = NDArray[np.int64]
@@ -39,6 +41,7 @@ _LEAST_NOISE = 1e-3  # smallest noise, as a share of A, so that rounding errors 
 _LEAST_FREE = 1e-6  # smallest part of c^T c that the model does not represent, so that no division is by 0
 _MEDIAN_OF_SQUARE = 0.4549  # median of the square of a standard normal variable
 _SLOW_ORDERS = 12  # periods of slow waves per output revolution; test rigs have more of them than drives
+_COARSEST = 0.0  # blocks per input revolution for which the model has sidebands up to order 16 only
 _DRIFT_DEGREE = 2
 _FLAT = 1e-10  # precision of a level relative to 1/A^2
 
@@ -255,14 +258,12 @@ def _design(blocks: _Blocks, ratio: float) -> tuple[Array, Array]:
 
 
 def _pairs(ratio: float) -> _Indices:
-    """Return the waves (k, j) up to order 16, shape (waves, 2)."""
-    sidebands = min(USUAL_SIDEBANDS, max(1, int(ratio // 2)))
-    pairs = {(0, j) for j in range(1, min(_SLOW_ORDERS, max(1, int(ratio // 2))) + 1)}
-    for k in range(1, ALWAYS_ORDER + 1):
-        pairs |= {(k, j) for j in range(-sidebands, sidebands + 1)}
-        if 2 * k < ratio:
-            pairs |= {(k, k), (k, -k)}
-    return np.array(sorted(pairs))
+    """Return the waves (k, j) of the model up to order 16, and more slow waves, shape (waves, 2)."""
+    slowest = range(1, min(_SLOW_ORDERS, max(1, int(ratio // 2))) + 1)
+    # the fraction of any ratio, because the cycle determines only which waves are identical
+    cycle = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
+    pairs = wave_pairs(cycle, _COARSEST, more_pairs=[(0, j) for j in slowest])
+    return pairs[pairs[:, 0] <= ALWAYS_ORDER]
 
 
 def _slow_columns(blocks: _Blocks) -> Array:
