@@ -46,7 +46,9 @@ from hdassist.run.errors import Fault, UntrustedError
 _Indices = NDArray[np.int64]
 # effective sample size for which the ends of a 95 % interval are accurate to about 10 % of its width
 ENOUGH_SAMPLES = 100.0
-# effective sample size of the kept draws alone, from which the results follow; its estimate may be much lower
+# Effective sample size of the kept draws alone, from which the results follow; its estimate may be much lower. With n
+# normal samples, the standard error of an end of a 95 % interval is 0.68 / sqrt(n) of the width, here 9 %
+# (benchmarks/thresholds.py).
 _ENOUGH_KEPT = 60.0
 MOST_DRAWS = 1200
 BATCH = 40  # number of draws between two computations of the effective sample size
