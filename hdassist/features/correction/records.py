@@ -376,8 +376,8 @@ def recorded_error(
     # convert the signs of the file to those of F_kpp and of the drive's input
     alignment = asked.of_file(measurement.trace, kinematics)
     turns = alignment.sense * sweep.bins.turns
-    both = drawn_both_directions(measurement, kinematics, asked)
-    difference = both.difference if both else None
+    two_directions = drawn_both_directions(measurement, kinematics, asked)
+    difference = two_directions.difference if two_directions else None
     error_arcsec = alignment.sign * sweep.fit.error
     if difference:
         half = difference.mean.curves[0] / 2
@@ -428,8 +428,8 @@ def drawn_errors(
     if turns < _FEWEST_TURNS:
         message = f"{measurement.trace.file}: the longest sweep covers only {turns:.2g} input revolutions"
         raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
-    both = drawn_both_directions(measurement, kinematics, asked)
-    return both or drawn_as_one(measurement, kinematics, asked)
+    two_directions = drawn_both_directions(measurement, kinematics, asked)
+    return two_directions or drawn_as_one(measurement, kinematics, asked)
 
 
 def with_scale_spread(
