@@ -98,7 +98,9 @@ _SHRINK = 2.0  # multiple of the noise power that is subtracted from the power o
 _HIGHEST_IMAGE = 30.0
 # Largest number of periods by which an order and its image may differ over the recording; then the readings agree
 _SAME_IMAGE = 0.5
-_LIKELY_IMAGE = 1 / 3  # smallest usual size of an image that may be the cause, relative to that of the lower order
+# Smallest usual size of an image that may be the cause, relative to that of the lower order. In 14 solved drives, the
+# order of the image was larger in 6 of 445 pairs below this ratio, and in 50 of 219 above (benchmarks/thresholds.py).
+_LIKELY_IMAGE = 1 / 3
 _SAME_BEAT = 0.2  # distances of sidebands from their orders are equal within this share of the resolution
 # smallest amplitude of a sideband that is evidence of another ratio, as a share of the largest
 _LEAST_SIDEBAND_SHARE = 0.05
