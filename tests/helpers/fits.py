@@ -43,9 +43,10 @@ def _key(recording: Recording) -> tuple[object, ...]:
 
 def keep_fits() -> None:
     """Let measurements and corrections of this process fit each recording once."""
-    from hdassist.features.correction import records
+    from hdassist.features.correction import directions
     from hdassist.features.measuring import full_cycle
 
     full_cycle.posterior_of_recording = fit_once
     full_cycle.posteriors_of_directions = fit_both_once
-    records.posterior_of_recording = fit_once
+    directions.posterior_of_recording = fit_once
+    directions.posteriors_of_directions = fit_both_once
