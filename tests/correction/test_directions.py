@@ -116,7 +116,7 @@ def test_an_input_table_states_the_residual_of_each_direction(travel_deg: float 
 @pytest.mark.thorough
 @pytest.mark.parametrize("form", [PHASORS, TABLE])
 def test_two_sweeps_of_a_travel_resolve_no_more_than_one(form: CorrectionForm) -> None:
-    """Terms that no sweep resolves were stored: 21.6 of 23 arcsec remained, with 5.4 predicted."""
+    """Terms that no sweep resolves were stored: 21.6 of 23 arcsec remained, with 5.0 predicted."""
     result = corrected(HALF, form, 180.0)
     residuals = [np.ptp(curve) for curve in residual_curves(result, CYCLE[: RATIO * 100 + 1])]
     assert max(residuals) <= result.chosen.residuals[0].p95 < 5
