@@ -159,7 +159,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
     assert found["recorded_Nm"] == [1.0]
     many = run("compensate", TINY, *map(str, [*files, files[0]]))
     assert many.returncode == 2
-    assert "but tiny has 2 torques" in many.stderr
+    assert "but tiny has only 2 torques" in many.stderr
 
 
 @pytest.mark.thorough
