@@ -141,7 +141,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
-        terminal.wait_for("restores the session")
+        terminal.wait_for("Quit?")
         terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
