@@ -180,5 +180,5 @@ def test_a_doubtful_value_is_repeated_before_all_else():
 def test_a_value_is_measured_for_its_number_with_a_reason():
     few = replace(doubting(0.0, 0.0), trials=(Trial(288.0, 30.0),))
     assert next_value_words(few).startswith(
-        "Before bolting, measure hole 4 again: fewer than 5 values do not reveal each reading error. Mean F'_ior"
+        "Before bolting, measure hole 4 again: fewer than 5 values may not reveal a reading error. Mean F'_ior"
     )

@@ -389,7 +389,7 @@ def next_value_words(advice: Advice) -> str:
         if reason:
             return f"{action}. {reason}"
         if not value.is_worth(advice.worth):
-            action += f": fewer than {advice.fewest_values} values do not reveal each reading error"
+            action += f": fewer than {advice.fewest_values} values may not reveal a reading error"
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
