@@ -166,10 +166,11 @@ def main() -> None:
     """Print coverage, widths, wrong verdicts and times by layout."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rigs", type=int, default=32, help="number of rigs")
+    parser.add_argument("--first", type=int, default=0, help="number of the first rig")
     parser.add_argument("--seed", type=int, default=777, help="seed of the rigs")
     arguments = parser.parse_args()
     tallies = {(layout, method): Tally() for layout in range(len(LAYOUTS)) for method in METHODS}
-    for number in range(arguments.rigs):
+    for number in range(arguments.first, arguments.first + arguments.rigs):
         judge(Rig(arguments.seed, number), f"rig {number}", tallies)
     print("layout, method: interval holds | width | wrong verdicts | CPU s of a rig")
     for (layout, method), tally in tallies.items():

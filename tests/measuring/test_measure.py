@@ -103,7 +103,7 @@ def test_simulated_benches_are_held():
     for seed in range(3):
         records.look(seed, records.RATIO, held)
     records.look(0, 0.6 * records.RATIO, held)
-    for quantity in ("F'_ior", "range of the cam's orders", "lag"):
+    for quantity in ("F'_ior", "range of the orders of the input", "lag"):
         hits, count = held.count[quantity]
         assert hits == count
     hits, count = held.count["orders"]  # 95 of 100 in 500 benches
