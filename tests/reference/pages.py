@@ -74,8 +74,8 @@ def fields() -> Iterator[str]:
 def glossary() -> Iterator[str]:
     """Lines of the glossary: words of the trade, then symbols."""
     yield from ("# Glossary", "", MADE, "")
-    yield "This page defines the terms and symbols that hdassist uses. `hdassist explain WORD` shows the definition of an"
-    yield "English or Russian term, or of a symbol, in the terminal."
+    yield "This page defines the terms and symbols that hdassist uses. `hdassist explain WORD` shows the definition of"
+    yield "an English or Russian term, or of a symbol, in the terminal."
     for name, group in GROUPS.items():
         yield from ("", f"## {name}", "", "| English | Russian | meaning | unit |", "| --- | --- | --- | --- |")
         for term in group:
