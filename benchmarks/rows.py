@@ -64,7 +64,8 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         yield from _state(torque)
     yield from _processes(**measured["processes"])
     for group in measured["proposals"]:
-        words = f"largest difference of proposed extremes from those of all states, {group['cases']} {group['group']}"
+        drives = f"{group['cases']} {group['group']}"
+        words = f"largest difference between proposed extremes and the extremes of all states, {drives}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
     for search in measured["draws"]:
         words = f"{search['searches']} searches of samples, {search['M_g']:g} N·m"
@@ -105,7 +106,7 @@ def engine_of(torque: dict[str, Any]) -> str:
 def _state(torque: dict[str, Any]) -> Iterator[Row]:
     engine, at = engine_of(torque), f"{torque['M_g']:g} N·m"
     us, others = torque["us"]["cycle"][engine], torque["us"]["cycle"][WARM_DAQP]
-    yield Row("state", f"time per state with its certificate, {at} ({engine})", STATE_US[torque["M_g"]], us, "µs")
+    yield Row("state", f"time per state, including its certificate, {at} ({engine})", STATE_US[torque["M_g"]], us, "µs")
     words = f"speed relative to DAQP with warm start and the same matrices, {at}"
     yield Row("daqp", words, FASTER_THAN_DAQP, others / us, "times", at_least=True)
     if torque["cvxpy_us"]:
@@ -119,10 +120,10 @@ def _processes(runs: list[dict[str, Any]], first_output_s: dict[str, float]) -> 
     for run in runs:
         if run["over"]:
             other, most = run["over"]
-            words = f"time of {named(run['command'])} divided by time of `{other}`"
+            words = f"processor time of {named(run['command'])}, relative to `{other}`"
             yield Row(_key(run), words, most, run["processor_s"] / took[other], "")
     for command, seconds in first_output_s.items():
-        words = f"time until `{command}` shows text on a terminal, divided by time of `{IMPORT.words}`"
+        words = f"processor time until `{command}` shows text on a terminal, relative to `{IMPORT.words}`"
         yield Row("first output", words, FIRST_OUTPUT, seconds / took[IMPORT.words], "")
     for run in runs:
         if run["over"]:

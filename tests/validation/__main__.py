@@ -31,16 +31,16 @@ SOURCES = (
 HEAD = """\
 # Validation
 
-This page compares results of the model with published values, textbook solutions and a second implementation. A
-comparison of a model with the data to which it was fitted says little about the model. The column *kind* therefore
-states how strong each comparison is as a test of the model:
+This page compares results of the model with published values, textbook solutions and a second implementation. Agreement
+with data to which the model was fitted is no test of the model. The column *kind* therefore states how strong each
+comparison is as a test of the model:
 
 |kind|meaning|
 |---|---|
 |predicted|The expected value was not used in any fit. Only these rows test the model.|
 |fitted|The expected value was used in a fit of other inputs. Agreement is therefore no test of the model.|
 |bound|The expected range limited a fit. Agreement is therefore no test of the model.|
-|prior|The value is compared with sampled drives. A miss is an argument against the assumed ranges, but no refutation.|
+|prior|The value is compared with sampled drives. A miss is evidence against the assumed ranges, but not a refutation.|
 |reading|The value was read from a recording without use of the model.|
 |exact|The expected value is a closed-form solution. Agreement verifies the solution of the equations.|
 |convergence|The result must not depend on the resolution of the computation.|
@@ -48,25 +48,25 @@ states how strong each comparison is as a test of the model:
 
 In the tables, *expected* is the accepted range with its unit, and *result* is the value from hdassist in the same unit.
 If the result is followed by a range in brackets, this range extends from the 5th to the 95th percentile of parameter
-sets that were not fitted to any data. The column *note* refers to the numbered reasons below each table, which explain
-the width of the accepted range or the cause of a miss. If the column *source* is empty, the source of the row above
-applies.
+sets that were not fitted to any data. The numbers in the column *note* refer to the notes below each table, which
+explain the width of the accepted range or the cause of a miss. If the column *source* is empty, the source of the row
+above applies.
 
-Rows of the kind *prior* are weaker tests than predictions. One of ten actual drives lies outside a range from the 5th
-to the 95th percentile even if the assumed ranges are correct. Load, coupling and size of the published drives are also
-partly unknown. Only several misses in the same direction, by drives with known conditions, would refute the ranges.
+Rows of the kind *prior* are weaker tests than predictions. Even if the assumed ranges are correct, one in ten actual
+drives lies outside the range from the 5th to the 95th percentile. Load, coupling and size of the published drives are
+also partly unknown. Only several misses in the same direction, by drives with known conditions, would refute the
+ranges.
 
 The gain from moving the fixed wheel is the reduction of F'_ior in another hole. The predicted gain has not been
-measured, and we know of no published measurement of F'_ior in each hole of a drive
-([the experiment](experiment.md)). In the model, the gain depends mainly on the support of the wave generator. For a
-given support, the predicted gain is similar for different parameter sets. A change of a clearance by a single
-micrometre changes the absolute value of F'_ior, so the prediction of an absolute value requires at least one
-measurement of the drive.
+measured, and no published measurement of F'_ior in each hole of a drive is known ([the experiment](experiment.md)). In
+the model, the gain depends mainly on the support of the wave generator. For a given support, the predicted gain is
+similar for different parameter sets. A difference of a single micrometre in a clearance changes the absolute value of
+F'_ior, so the prediction of an absolute value requires at least one measurement of the drive.
 
 The equations themselves are verified by reference values from two implementations
-(`tests/validation/test_model_reference.py`) and by identities that hold for every drive (`tests/property`).
-`python -m tests.validation` generates this page from the cases in the tests. The continuous integration fails if the
-page differs from the cases, or if a row marked as missed agrees.
+(`tests/validation/test_model_reference.py`) and by identities that hold for every drive (`tests/property`). `python -m
+tests.validation` generates this page from the cases in the tests. The continuous integration fails if the page differs
+from the cases, or if a result marked as missed lies within its accepted range.
 """
 
 

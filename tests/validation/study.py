@@ -1,4 +1,4 @@
-"""How far to trust an absolute value: F'_ior of vzp160 with single assumptions changed, as a table of the page."""
+"""Reliability of an absolute value: F'_ior of vzp160 with single assumptions changed, as a table of the page."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from hdassist.run.run import UNCHECKED
 from tests.helpers.support import changed
 from tests.validation.parameter_sets import COUNT, F_ior_over_sets, scatter, span
 
-TITLE = "How far to trust it"
+TITLE = "Reliability of absolute values"
 ABOUT = (
     "The first table gives F'_ior of `vzp160` in arcsec, with one input or assumption changed in each row. The "
     "columns are two torques and two mounting phases of the circular spline. The last two rows apply to parameter "
-    "sets sampled within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data.\n\nF'_ior "
-    "depends strongly on single micrometres of clearance, and on second-order conventions of the geometry such as "
-    "the nominal curve. The clearance can be fitted again after a change of convention, and this compensates most of "
-    "the change. The prediction of an absolute value therefore requires at least one measurement. The comparison of "
-    "two holes is more reliable: F'_ior at 180° is smaller than at 0° in all rows with one change.\n\nMost of the "
-    "spread over the parameter sets comes from the support stiffness C_3 (1e3 to 1e5 N/mm). If C_3 is the value of "
-    "the preset in all parameter sets, the standard deviations of ln F'_ior at 80 N·m are only 0.21 (0°) and 0.49 "
-    "(180°).\n\nThe second table gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two "
-    "models of the balls. Rolling balls do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in "
-    "hole 9. The starting angle of the cage has hardly any effect. With rolling balls, `mount --draws 0` solves "
-    "every mesh position. With locked balls, the balls remain in one phase. If the preset does not specify this "
-    "phase, the gain is given as a range over the phase."
+    "sets sampled within the bounds of `docs/vzp160.targets.yaml`, which were not fitted to any data.\n\nA single "
+    "micrometre of clearance changes F'_ior considerably, and so do second-order conventions of the geometry such as "
+    "the nominal curve. Fitting the clearance again after a change of convention compensates most of this effect. The "
+    "prediction of an absolute value therefore requires at least one measurement. The comparison of two holes is more "
+    "reliable: F'_ior at 180° is smaller than at 0° in all rows with one change.\n\nMost of the spread over the "
+    "parameter sets comes from the support stiffness C_3 (1e3 to 1e5 N/mm). If C_3 is kept at the value of the preset "
+    "in all parameter sets, the standard deviations of ln F'_ior at 80 N·m are only 0.21 (0°) and 0.49 (180°).\n\nThe "
+    "second table gives the reduction of F'_ior in holes 8 and 9, compared with hole 0, for two models of the balls. "
+    "Rolling balls do not reduce the gain in hole 8, but at 800 N·m they reduce the gain in hole 9. The starting "
+    "angle of the cage has hardly any effect. With rolling balls, `mount --draws 0` solves every mesh position. With "
+    "locked balls, the ball phase is constant. If the preset does not specify this phase, the gain is given as a "
+    "range over the phase."
 )
 STARTS = (0.0, 0.5)  # of the cage, ball pitches
 ADVISED = (8, 9)  # holes of twelve, by the values as given and over all that is assumed

@@ -17,9 +17,9 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"
 ABOUT = (
-    "The first two rows concern the approach of a ball and its raceways by Hertz's law, as in ISO/TS 16281. The last "
-    "two rows concern the load on the balls of a bearing with rigid rings. A closed-form solution is known for this "
-    "bearing. The solver of the drive solves the case of these two rows."
+    "The first two rows test the deflection of the contacts between a ball and its raceways, computed with Hertz's "
+    "theory as in ISO/TS 16281. The last two rows compare the load on the balls of a bearing with rigid rings, as "
+    "computed by the solver for the drive, with a closed-form solution."
 )
 GROOVE = (0.515, 0.53)  # groove radius over ball diameter: usual for deep-groove bearings; assumed
 

@@ -19,9 +19,9 @@ TITLE = "Torque on the wave generator"
 ABOUT = (
     "By the principle of virtual work, the torque on the wave generator is the output torque divided by the ratio, "
     "M_g/u. The equilibrium of the contacts (equation (1) of [theory](theory.md#equilibrium-of-the-contacts)) does "
-    "not contain this condition. The torque is computed from the ball forces Q_k as the sum of Q_k 2 W_0 sin 2 "
-    "theta_k over all balls. It is therefore an independent check of geometry, moment arm and signs.\n\nThe table "
-    "gives the computed torque divided by M_g/u, as a mean over 4 tooth phases and 4 ball phases. The drives are "
+    "not contain this condition, so it is an independent check of the geometry, the moment arm and the signs. The "
+    "torque is computed from the ball forces Q_k as the sum of 2 W_0 Q_k sin 2 theta_k over all balls.\n\nThe table "
+    "gives the ratio of the computed torque to M_g/u, averaged over 4 tooth phases and 4 ball phases. The drives are "
     "similar to `vzp160`, without deviations, at 80 N·m. The ratio is below 1 by about W_0/r for whole flanks, and by "
     "half of this for coned flanks."
 )

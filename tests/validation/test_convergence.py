@@ -131,7 +131,7 @@ CASES = [
         "reason for the solution of every position",
         0.2,
         0.8,
-        why="Every 101st position has one of only two input angles, so a part of F'_ior is overlooked",
+        why="Every 101st position has one of only two input angles, so part of F'_ior is missed",
         kind=Kind.CONVERGENCE,
         value=strided,
         digits=".2f",

@@ -21,13 +21,13 @@ SOURCE = "catalogue: zero backlash"
 TITLE = "Catalogue sizes as sampled"
 ABOUT = (
     "The table gives the 5th percentile, the median and the 95th percentile of F'_ior at the lower torque of each "
-    "preset. The drives are sampled as in `check`, before any measurement, over all design values and deviations "
-    "that a catalogue does not specify. The columns differ in the reference data. The first of the three columns "
-    "uses the catalogue values of stiffness, lost motion and backlash, and the second also uses the accuracy in the "
-    "catalogue. The third column uses the same reference data as the second, but the wave generator is on a solid "
-    "hub (`cam.coupling=solid`) instead of the Oldham coupling of the standard version. The backlash is computed "
-    "from the mesh of the teeth. With 64 effective samples the standard error is about 7 % for a median and 15 % for "
-    "a 95th percentile."
+    "preset. The drives are sampled as in `check`, before any measurement, over all design values and deviations that "
+    "a catalogue does not specify. The last three columns differ in the reference data. The first of them uses the "
+    "catalogue values of stiffness, lost motion and backlash, and the second also uses the accuracy in the catalogue. "
+    "The third column uses the same reference data as the second, but the wave generator is on a solid hub "
+    "(`cam.coupling=solid`) instead of the Oldham coupling of the standard version. The backlash is computed from the "
+    "contact of the teeth. With an effective sample size of 64, the standard error is about 7 % for a median and 15 % "
+    "for a 95th percentile."
 )
 
 
@@ -100,12 +100,12 @@ CASES = [
     ),
     *(
         Case(
-            f"95th divided by 5th percentile, largest of all sizes; {words}",
+            f"ratio of the 95th to the 5th percentile of F'_ior, largest of all sizes; {words}",
             "",
             "requirement of this project",
             1,
             4,
-            why="A result with a wider range would be of little use to the user. No published value is known",
+            why="A wider range would be of little practical use. No published value is known",
             kind=Kind.CHECK,
             digits=".1f",
             value=lambda way=way: widest(way),

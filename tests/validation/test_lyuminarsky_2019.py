@@ -21,24 +21,24 @@ from tests.validation.parameter_sets import TORQUES, F_ior_over_sets, span
 
 TITLE = "Lyuminarsky, Lyuminarsky, Ivanov (2019)"
 ABOUT = (
-    "The preset `vzp160` describes the drive of this paper (doi 10.18698/0536-1044-2019-11-3-8). The paper prints "
-    "the dimensions and tolerances of the drive, but not its stiffnesses and clearances. These values were fitted to "
-    "two figures of the paper. Fig. 3 shows F'_ior as a function of the mounting phase of the circular spline. Fig. "
-    "2 shows the range of the error within one input revolution, for three starting angles. The self error limited "
-    "the fit as a bound (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). The alternatives are other "
-    "sets of values, fitted to Fig. 3 alone. For the alternatives, Fig. 2 is therefore an independent comparison. "
-    "The statements of the paper about single-zone meshing, and the catalogue stiffnesses of the next section, were "
-    "not used in any fit.\n\nThe two figures together do not determine all fitted values. The undetermined values "
-    "are given as samples in the table `fit` of the preset. As a check, the search for these values was repeated "
-    "from 568 drives spread over all bounds (effective sample size 130). The test of Kolmogorov and Smirnov shows no "
-    "difference between the two resulting distributions for any of the twelve values. The largest distance between "
-    "the distributions is 0.16. A distance above 0.21 occurs by chance in one of twenty cases. In the repeated "
-    "search, F'_ior in hole 0 is 27.6″ (5th to 95th percentile 25.8 to 29.8″) at 80 N·m and 7.8″ at 800 N·m. In hole "
-    "8, F'_ior is 16.5″ (15.3 to 17.5″) at 80 N·m and 4.3″ at 800 N·m. Every set of values that agrees with Fig. 3 "
-    "gives K1 of at least 72·10⁴ N·m/rad.\n\nSingle-zone meshing occurs if one of the two mesh zones carries less "
-    "than 1 % of the torque. The single-zone share is the share of such mesh positions in an input revolution or in "
-    "the mesh cycle.\n\nThe paper itself is a computation. Agreement with the paper is therefore agreement with "
-    "another model, not with a measurement."
+    "The preset `vzp160` describes the drive of this paper (doi 10.18698/0536-1044-2019-11-3-8). The paper prints the "
+    "dimensions and tolerances of the drive, but not its stiffnesses and clearances. These values were fitted to two "
+    "figures of the paper. Fig. 3 shows F'_ior as a function of the mounting phase of the circular spline. Fig. 2 "
+    "shows the range of the error within one input revolution, for three starting angles. The self error was a bound "
+    "of the fit (`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). The alternatives 1 to 3 are other sets "
+    "of values, which were fitted to Fig. 3 alone. For the alternatives, Fig. 2 is therefore an independent "
+    "comparison. The statements of the paper about single-zone meshing, and the catalogue stiffnesses of the next "
+    "section, were not used in any fit.\n\nThe two figures together do not determine all fitted values. The "
+    "undetermined values are given as samples in the `fit` section of the preset. As a check, the search for these "
+    "values was repeated, starting from 568 drives spread over all bounds (effective sample size 130). The "
+    "Kolmogorov-Smirnov test finds no significant difference between the two resulting distributions for any of the "
+    "twelve values. The largest distance between the distributions is 0.16. By chance, a distance above 0.21 occurs "
+    "in one of twenty cases. In the repeated search, F'_ior in hole 0 is 27.6″ (5th to 95th percentile 25.8 to 29.8″) "
+    "at 80 N·m and 7.8″ at 800 N·m. In hole 8, F'_ior is 16.5″ (15.3 to 17.5″) at 80 N·m and 4.3″ at 800 N·m. Every "
+    "set of values that agrees with Fig. 3 gives K1 of at least 72·10⁴ N·m/rad.\n\nSingle-zone meshing occurs if one "
+    "of the two mesh zones carries less than 1 % of the torque. The single-zone share is the share of such mesh "
+    "positions in an input revolution or in the mesh cycle.\n\nThe results of the paper are computed, so agreement "
+    "with them is agreement with another model, not with a measurement."
 )
 ALTERNATIVES = read_yaml(Path(__file__).with_name("vzp160_alternatives.yaml").read_bytes(), "alternatives").data
 FIG_2 = {"starts": (20.0, 100.0, 300.0), "xi_b": 260.0}
@@ -127,18 +127,18 @@ NAMES = {"greatest": "largest", "least": "smallest"}
 ROUNDED = "The expected value was read from a curve. The paper states such values without decimals"
 SAID = "The paper states that the range 'changes 2 to 3 times'. Fig. 2 shows three starting angles"
 MISSED = "If the values are fitted to Fig. 3 alone, the ratio of the ranges is larger than the paper states"
-AT_THE_EDGE = "The fit meets all five values of both figures, but each value is near the end of its tolerance"
+AT_THE_EDGE = "The fit meets all five values of both figures, but each value is near the limit of its tolerance"
 BARS = ((80.0, "greatest", 31), (80.0, "least", 15), (800.0, "greatest", 13), (800.0, "least", 2))
 NEAREST = len(ALTERNATIVES)
 CONTROL = (
-    "This row is a control of the predicted rank correlation. At 240 N·m there is no single-zone meshing, but the "
+    "This row is a control for the predicted rank correlation. At 240 N·m there is no single-zone meshing, but the "
     "range depends on the starting angle in the same way. Single-zone meshing is therefore not necessarily the cause"
 )
 CASES = [
     *(fig_3(*bar) for bar in BARS),
     *(fig_3(*bar, NEAREST) for bar in BARS),
     Case(
-        "ratio of the largest to the smallest range in an input revolution",
+        "ratio of the largest to the smallest range within one input revolution",
         "",
         "Fig. 2",
         2,
@@ -152,7 +152,7 @@ CASES = [
         Case(
             f"self error, {M_g:g} N·m",
             "arcsec",
-            "list of causes of error",
+            "paper, list of causes of error",
             0.25,
             2.00,
             why="The paper states this range for drives of this kind",
@@ -165,7 +165,7 @@ CASES = [
     ),
     *(
         Case(
-            f"ratio of the largest to the smallest range in an input revolution{words(number)}",
+            f"ratio of the largest to the smallest range within one input revolution{words(number)}",
             "",
             "Fig. 2",
             2,
@@ -181,7 +181,7 @@ CASES = [
     Case(
         "rank correlation between the range of the error and the single-zone share",
         "",
-        "Fig. 2 and the text about it",
+        "Fig. 2 and its description in the paper",
         0.9,
         1,
         why="Two independent quantities reach such a correlation by chance in one of seven cases",

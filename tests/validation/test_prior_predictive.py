@@ -27,21 +27,20 @@ FACTORS = (0.5, 1.0, 2.0)  # on the bounds of the harmonics
 
 TITLE = "A real drive among sampled ones"
 ABOUT = (
-    "The question of this section is whether an actual drive could be one of the sampled drives. The recording shows "
-    "a drive CSF-17-100-2UH under a light, unknown load over two and a half input revolutions. The first table gives "
-    "the amplitude of each order (number of periods per input revolution) and the peak-to-peak range of the "
-    "recording. The column with three values gives the 5th percentile, the median and the 95th percentile of 128 "
-    "sampled drives. These drives were evaluated over the same number of revolutions. Their deviations, which the "
-    "preset `size-17-100` does not specify, were sampled, and the torque was 2.4 N·m. The remaining columns give the "
-    "percentile of the recording among the sampled drives. They apply to the bounds of the harmonics multiplied by "
-    "0.5, 1 and 2.\n\nA gearhead with a ratio of 10:1 and a backlash of 30 arcmin drove the input, and no encoder "
-    "measured the input. An error of 100 arcsec at the input appears as one arcsec at the output. Therefore only "
-    "order 2 and the peak-to-peak range characterise the harmonic drive. Order 1 lies above all samples, possibly "
-    "because of the gearhead. In addition, the wave generator of this size is modelled with an Oldham coupling, "
-    "which suppresses order 1. Order 6 lies within the samples because deviations of single teeth are sampled.\n\n"
-    "The recording was known when the bounds of the harmonics were chosen, but the bounds were not fitted to it. "
-    "Only an oval circular spline or an oval seat explains the amplitude of order 2. No other deviation of a "
-    "plausible size causes such a large amplitude."
+    "This section tests whether an actual drive could be one of the sampled drives. The recording covers two and a "
+    "half input revolutions of a CSF-17-100-2UH drive under a light but unknown load. The first table gives the "
+    "amplitude of each order (number of periods per input revolution) and the peak-to-peak range of the recording. "
+    "The column with three values gives the 5th percentile, the median and the 95th percentile of 128 sampled drives. "
+    "These drives were evaluated over the same number of revolutions, at a torque of 2.4 N·m. The deviations that the "
+    "preset `size-17-100` does not specify were sampled. The remaining columns give the percentile of the recording "
+    "among the sampled drives. They apply to the bounds of the harmonics multiplied by 0.5, 1 and 2.\n\nA gearhead "
+    "with a ratio of 10:1 and a backlash of 30 arcmin drove the input, and no encoder measured the input. An error of "
+    "100 arcsec at the input appears as one arcsec at the output. Therefore only order 2 and the peak-to-peak range "
+    "characterise the harmonic drive. Order 1 lies above all samples, possibly because of the gearhead. In addition, "
+    "the wave generator of this size is modelled with an Oldham coupling, which suppresses order 1. Order 6 lies "
+    "within the samples because deviations of single teeth are sampled.\n\nThe recording was known when the bounds of "
+    "the harmonics were chosen, but the bounds were not fitted to it. Only an oval circular spline or an oval seat "
+    "explains the amplitude of order 2. No other deviation of plausible magnitude causes such a large amplitude."
 )
 GEARHEAD = "The gearhead at the input may have caused this component"
 FINE_TEETH = (
@@ -153,7 +152,7 @@ CASES = [
         SOURCE,
         **about(21.6, 0.9),
         digits=".1f",
-        why="The tolerance contains the difference between two star trails and the uncertainty of the scale of the "
+        why="The tolerance includes the difference between two star trails and the uncertainty of the scale of the "
         "picture",
         kind=Kind.READING,
         value=lambda: measured()[1],

@@ -24,32 +24,33 @@ TORQUES = (0.5, 2.4)  # N*m: loads of these mounts are not known
 EFFECTIVE = 48
 PUBLISHED_ERROR = 0.15  # standard deviation of the logarithm of a published value
 NEITHER_KIND, NEITHER_DENSITY = 0.02, 0.3  # probability, and density of the logarithm, of a drive of neither kind
-LOAD_OF_MOUNTS = "The loads are unknown. The largest value, the statement of an owner, is above all samples"
+LOAD_OF_MOUNTS = "The loads are unknown. The largest value, which was reported by an owner, is above all samples"
 ASSUMED_TURNS = 2.5  # of the cam, where a record does not tell how many it has
 STARTS = 4  # places of the cycle from which each drawn drive is recorded
 
 TITLE = "Published drives among sampled ones"
 ABOUT = (
-    "The first table lists all published peak-to-peak errors that we found. Most of these drives belong to telescope "
-    "mounts. Their size is 14 or 17 if it is published, and is otherwise assumed to be 17. Their load is unknown. "
-    "The values are compared with drives sampled from `size-17-100` at 0.5 and at 2.4 N·m. `check` samples drives in "
-    "the same way from the data of the catalogue.\n\nThe column *share below* gives the share of sampled drives, in "
-    "per cent, whose peak-to-peak error is below the published value. The error of a sampled drive is computed over "
-    "the same number of input revolutions as in the recording, from several starting angles. If the number of "
-    "revolutions is not published, 2.5 revolutions are used. The value in brackets is the share of sampled drives "
-    "whose F'_ior over the full mesh cycle is below the published value. Limits, statements about a class of drives, "
-    "and values recalled from memory are listed without a comparison.\n\nIf the sampled drives were like actual "
-    "drives, the shares would be evenly distributed between 0 and 100 %. The p values of the test of Kolmogorov and "
-    "Smirnov are close to 5 %. This result is only a weak argument against the assumed ranges, because there are only "
-    "five values, and the load and coupling of these drives are unknown. The standard error of a share is up to 7 %. "
-    "The two smallest values have shares of 12 to 17 %. The largest value, which an owner states for a drive with an "
-    "unknown coupling, is above all samples.\n\nThe prior assumes that half of the wheels have small single pitch "
-    "deviations ([unknown inputs](unknown.md#prior)). This share is estimated from the five published values with a "
-    "*share below*, compared with drives sampled at 2.4 N·m. The probability density of each value is computed for "
-    "two groups of drives. The single pitch deviations are small on both wheels in one group, and on neither wheel in "
-    "the other. The prior for the share is uniform. The posterior mean and standard deviation of the share are given "
-    "below the first table. The standard error of a published value is assumed to be 15 %. With a probability of 2 %, "
-    "a value is assumed to belong to neither group. Five values hardly narrow the share, so it remains an assumption."
+    "The first table lists all published peak-to-peak errors that could be found. Most of these drives belong to "
+    "telescope mounts. Their size is 14 or 17 if it is published, and is otherwise assumed to be 17. Their load is "
+    "unknown. The values are compared with drives sampled from `size-17-100` at 0.5 and at 2.4 N·m. `check` samples "
+    "drives in the same way from the data of the catalogue.\n\nThe column *share below* gives the share of sampled "
+    "drives, in per cent, whose peak-to-peak error is below the published value. The error of a sampled drive is "
+    "computed over the same number of input revolutions as in the recording, from several starting angles. If the "
+    "number of revolutions is not published, 2.5 revolutions are used. The value in brackets is the share of sampled "
+    "drives whose F'_ior over the full mesh cycle is below the published value. Limits, statements about a class of "
+    "drives, and values recalled from memory are listed without a comparison.\n\nIf the sampled drives represented "
+    "actual drives, the shares would be uniformly distributed between 0 and 100 %. The p values of the "
+    "Kolmogorov-Smirnov test are close to 5 %. This result is only a weak argument against the assumed ranges, "
+    "because there are only five values, and the load and coupling of these drives are unknown. The standard error of "
+    "a share is up to 7 %. The two smallest values have shares of 12 to 17 %. The largest value was reported by an "
+    "owner of a drive with an unknown coupling, and is above all samples.\n\nThe prior assumes that half of the "
+    "wheels have small single pitch deviations ([unknown inputs](unknown.md#prior)). This share is estimated from the "
+    "five published values with a *share below*, compared with drives sampled at 2.4 N·m. The probability density of "
+    "each value is computed for two groups of drives: drives in which both wheels have small single pitch deviations, "
+    "and drives in which neither wheel has. The prior for the share is uniform. The posterior mean and standard "
+    "deviation of the share are given below the first table. The standard error of a published value is assumed to be "
+    "15 %. With a probability of 2 %, a value is assumed to belong to neither group. Five values hardly narrow the "
+    "share, so it remains an assumption."
 )
 
 
@@ -130,7 +131,7 @@ def table() -> str:
         both = range(len(TORQUES)) if row["compared_arcsec"] else ()
         places = ", ".join(f"{share(row, k):.0f} ({share_of_cycle(row, k):.0f})" for k in both)
         what = ", ".join(filter(None, (row["size"], row["ratio"])))
-        origin = {"read": "", "second hand": " (quoted by another source)", "recalled": " (from memory, not verified)"}
+        origin = {"read": "", "second hand": " (cited from a secondary source)", "recalled": " (from memory, not verified)"}
         source = row["source"] + origin[row["read"]]
         cells = (
             row["drive"],
@@ -162,7 +163,7 @@ CASES = [
         "table above",
         2.5,
         50,
-        why="If the shares are evenly distributed, the smallest of five shares is below 2.5 % in one of nine cases",
+        why="If the shares are uniformly distributed, the smallest of five shares is below 2.5 % in one of nine cases",
         kind=Kind.CHECK,
         value=lambda: min(share(row, 1) for row in compared()),
         digits=".0f",
@@ -170,7 +171,7 @@ CASES = [
     ),
     *(
         Case(
-            f"even distribution of the shares at {M_g:g} N·m, p value",
+            f"uniform distribution of the shares at {M_g:g} N·m, p value",
             "",
             "table above",
             0.05,

@@ -12,7 +12,7 @@ TITLE = "Closed forms of rings and shells"
 ABOUT = (
     "The first two rows concern a thin ring under two opposite forces P. Its diameter increases along the forces and "
     "decreases across them. The last row compares the torsional stiffness of the shell, computed as a thin tube, with "
-    "that of a thick tube."
+    "that of a thick-walled tube."
 )
 
 RADIUS, E, WIDTH, THICKNESS = 80.0, 2.06e5, 24.0, 4.0

@@ -16,15 +16,15 @@ RATIO, SWEPT = 101.0, 69.84  # turns of the cam: per turn of the output, in the 
 
 TITLE = "A robot joint"
 ABOUT = (
-    "The recording shows joint 3 of a robot arm with two 24-bit encoders, one at the input and one at the output. The "
-    "joint turned by 298° at the output under gravity, with one reading every 20.5° of the input. The recording was "
+    "The recording shows joint 3 of a robot arm with two 24-bit encoders, one at the input and one at the output. "
+    "Under gravity load, the output turned by 298°, with one reading every 20.5° of the input. The recording was "
     "evaluated with `measure --ratio 101`, without a preset. The load and its sign are unknown.\n\nSlow terms with a "
     "range of about 1 070″ dominate the recording. Their possible causes are graduation and coupling of the encoder, "
     "wind-up by gravity, lag and drift. A recording of less than one output revolution cannot separate these terms "
     "from slow terms of the drive, so all slow terms are subtracted. The orders up to 6 of the input remain. They "
     "give a lower bound of F'_ior, because the recording covers only two thirds of the mesh cycle. An order cannot be "
     "separated from its sidebands, so the table gives each order together with its sidebands. The lines at 4.86 and "
-    "5.22 periods per input revolution correspond to no deviation of the model."
+    "5.22 periods per input revolution do not correspond to any deviation in the model."
 )
 SOURCE = "allwinlucious/MasterThesis"
 

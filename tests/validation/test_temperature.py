@@ -9,8 +9,8 @@ TITLE = "Temperature"
 ABOUT = (
     "The flexspline and the wave generator of `vzp160` (with whole flanks) are warmer than the circular spline by "
     "`operation.dT`. The table compares F'_ior from two implementations of the model. The second implementation "
-    "changes the gaps by equation (6c) of [theory](theory.md#temperature). hdassist scales the radii and computes the "
-    "flanks again. No measurement of the effect of temperature was available."
+    "changes the gaps by equation (6c) of [theory](theory.md#temperature). hdassist scales the radii and recomputes "
+    "the flanks. No measurement of the effect of temperature was available."
 )
 FOUND = {80.0: {-20: 26.9, 0: 28.9, 10: 23.5, 20: 15.9}, 800.0: {-20: 6.2, 0: 8.6, 10: 10.8, 20: 13.1}}
 CASES = [
