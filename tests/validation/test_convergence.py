@@ -128,7 +128,7 @@ CASES = [
     Case(
         "share of F'_ior found if only every 101st mesh position is solved",
         "",
-        "reason for the solution of every position",
+        "no external source",
         0.2,
         0.8,
         why="Every 101st position has one of only two input angles, so part of F'_ior is missed",

@@ -49,7 +49,7 @@ FINE_TEETH = (
 )
 GUESS = (
     "The recording must lie between the 5th and 95th percentile of the samples. Because of the finite number of "
-    "samples, these percentiles are uncertain by ±2 %. The load is assumed"
+    "samples, these percentiles are uncertain by ±2 percentage points. The load is assumed"
 )
 SOURCE = "polvinc/DHEM (P. Vincent), digitised"
 DIAMETER, MM_A_SIZE = 160.0, 2.54  # of vzp160; of the catalogue's sizes

@@ -70,7 +70,7 @@ CASES = [
         "arcsec",
         SOURCE,
         **about(46.7, 6),
-        why="A least-squares fit without prior gives this value after subtraction of the output orders 0 to 12. The "
+        why="A least-squares fit without a prior gives this value after subtraction of the output orders 0 to 12. The "
         "value contains the noise of the two extreme readings",
         kind=Kind.READING,
         value=lambda: sweep().range.fitted,
@@ -81,7 +81,7 @@ CASES = [
         "arcsec",
         SOURCE,
         **about(1063, 20),
-        why="A least-squares fit without prior gives this value for the output orders 0 to 12",
+        why="A least-squares fit without a prior gives this value for the output orders 0 to 12",
         kind=Kind.READING,
         value=lambda: sweep().slow_arcsec,
         digits=".0f",
@@ -92,7 +92,7 @@ CASES = [
             "arcsec",
             SOURCE,
             **about(value, 0.4),
-            why="A least-squares fit without prior gives this value, which contains noise",
+            why="A least-squares fit without a prior gives this value, which contains noise",
             kind=Kind.READING,
             value=lambda order=order: of_cam(order),
             digits=".1f",
@@ -105,7 +105,7 @@ CASES = [
             "arcsec",
             SOURCE,
             **about(value, 1),
-            why="A least-squares fit without prior gives this value",
+            why="A least-squares fit without a prior gives this value",
             kind=Kind.READING,
             value=lambda order=order: amplitude(order),
             digits=".1f",
@@ -117,7 +117,7 @@ INFORMATION = [
     Information(
         "order 1 with its sidebands",
         "arcsec",
-        "The uncertainty of 1.6 arcsec is nearly as large as the value, because most of the noise is slow. The input "
+        "The uncertainty of 1.6 arcsec is nearly as large as the value, because most of the noise has low frequencies. The input "
         "encoder may also cause order 1.",
         value=lambda: of_cam(1.0),
         digits=".1f",

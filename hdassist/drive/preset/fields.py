@@ -416,7 +416,7 @@ class Phases(Section):
 
 
 class Harmonics(Section):
-    """Deviations of the teeth of higher order, along the pitch circle."""
+    """Higher-order deviations of the teeth along the pitch circle."""
 
 
 @dataclass(frozen=True)
@@ -511,7 +511,7 @@ class Material(Section):
 
 
 class Flexspline(Section):
-    """Rim under the teeth, and the shell that it continues into."""
+    """Rim under the teeth, and the adjoining shell."""
 
     h_1: float
     h_3: float
@@ -542,7 +542,7 @@ class Cam(Section):
 
 
 class Supports(Section):
-    """Radial stiffness of the supports of the bodies. 0 leaves the body free, and any other value is 1 N/mm or more."""
+    """Radial support stiffnesses. 0 means no support, and any other value must be at least 1 N/mm."""
 
     C_1: float
     C_2: float
@@ -569,7 +569,7 @@ class Mounting(Section):
 
 
 class Operation(Section):
-    """Load."""
+    """Load and temperature."""
 
     M_g: Annotated[tuple[float, ...], "numbers"]
     rated: float | None
@@ -597,7 +597,7 @@ class Measured(Section):
 
 
 class Acceptance(Section):
-    """Limits, and the rule that decides."""
+    """Limits and decision rule."""
 
     F_ior: PerTorque
     turn_range: PerTorque
@@ -619,7 +619,7 @@ class Numerics(Section):
 
 
 class Source(Section):
-    """Where a value comes from."""
+    """Origin of a value."""
 
     kind: Literal["given", "assumed", "identified"]
     ref: str
