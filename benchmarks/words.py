@@ -151,8 +151,8 @@ Each item names the chosen method and the alternative, and gives the result of t
   each state (DAQP, warm). The table of solvers above compares the times. All solvers use the matrices of the
   formulation. If the pivots fail in a state, DAQP solves this state.
 - **A separate reference for each torque**, instead of a common reference for both torques. This reduced the time by a
-  tenth for samples of `vzp160` in one hole, and by 2 % for samples of a drive known only from its data sheet (a
-  data-sheet drive). For samples in twelve holes, it increased the time by a fifth, because each state at the other
+  tenth for samples of `vzp160` in one hole. For samples of a drive known only from its data sheet (a data-sheet drive),
+  the reduction was 2 %. For samples in twelve holes, the time increased by a fifth, because each state at the other
   torque needs more pivots. The results agreed within 1e-10 arcsec.
 - **Pivots in C**, or in numpy if no compiler is available. The table of solvers compares the times. In the tests, the
   results of both implementations agree within 1e-9 arcsec, and each state has its certificate.
@@ -173,8 +173,8 @@ Each item names the chosen method and the alternative, and gives the result of t
   | `vzp160`, 80 N·m | 0.011 | 0.13 | 0.013 | 0.23 |
   | `vzp160`, 800 N·m | 0.013 | 0.26 | 0.003 | 0.06 |
   | data-sheet drive | 0.016 | 0.14 | | |
-- **A table of the error that includes the slopes with respect to all deviations**, with one solution per point,
-  instead of straight lines between the points. Between two points the table uses the mean of the straight line and of both
+- **A table of the error that includes the slopes with respect to all deviations**, with one solution per point, instead
+  of straight lines between the points. Between two points the table uses the mean of the straight line and of both
   tangents, which is exact for a parabola. With 9 x 5 x 7 x 7 points, the standard deviation of the error of the table
   is 0.9 and 1.4 % at the two torques of `vzp160`. With straight lines, 13 x 5 x 9 x 9 points and two solutions per
   point, the standard deviation is 1.1 and 2.4 %.

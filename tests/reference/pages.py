@@ -55,8 +55,8 @@ def _help(*names: str) -> str:
 def fields() -> Iterator[str]:
     """Lines of the reference of preset fields, in the order in which presets have them."""
     yield from ("# Fields of a preset", "", MADE, "")
-    yield "A number without a unit is in the unit of its field. `75 um` and `0.8 mm` are converted. `260 ± 10` states an"
-    yield "uncertainty (k = 2). A field without a default is required. An omitted deviation is `unknown`"
+    yield "A number without a unit is in the unit of its field. `75 um` and `0.8 mm` are converted. `260 ± 10` states"
+    yield "an uncertainty (k = 2). A field without a default is required. An omitted deviation is `unknown`"
     yield "([unknown inputs](unknown.md)). `uncertainty` contains the ± of fields by their path, and `fit` the"
     yield "values fitted together ([design](design.md#values-fitted-together))."
     for name, model in (*sections(), *BY_PATH.items()):
@@ -85,7 +85,7 @@ def glossary() -> Iterator[str]:
 
 def symbol_table() -> Iterator[str]:
     """Symbols of the paper and of the docs as lines of a Markdown table."""
-    yield "| paper | code | in words | unit |"
+    yield "| paper | code | meaning | unit |"
     yield "| --- | --- | --- | --- |"
     for each in SYMBOLS:
         yield f"| {', '.join(each.paper)} | {each.code} | {each.words} | {each.unit} |".replace("|  |", "| |")

@@ -40,7 +40,7 @@ comparison is as a test of the model:
 |predicted|The expected value was not used in any fit. Only these rows test the model.|
 |fitted|The expected value was used in a fit of other inputs. Agreement is therefore no test of the model.|
 |bound|The expected range limited a fit. Agreement is therefore no test of the model.|
-|prior|The value is compared with sampled drives. A miss is evidence against the assumed ranges, but not a refutation.|
+|prior|The value is compared with sampled drives. A miss speaks against the assumed ranges, but does not refute them.|
 |reading|The value was read from a recording without use of the model.|
 |exact|The expected value is a closed-form solution. Agreement verifies the solution of the equations.|
 |convergence|The result must not depend on the resolution of the computation.|

@@ -18,12 +18,12 @@ ABOUT = (
     "the computed stiffness of each preset divided by its catalogue value. The lost motion is computed between ±4 % "
     "of the rated torque. As a rule of thumb, manufacturers state a lost motion of 60″.\n\n`vzp160` is not a "
     "catalogue drive. Its expected stiffnesses are means of catalogue values, scaled with the cube of the pitch "
-    "diameter. These are the values of sizes 58 (40, 61, 71·10⁴ N·m/rad) and 65 (54, 88, 98·10⁴ N·m/rad). The "
-    "rows for *all sizes* refer to sizes 17 to 65, because the catalogue values of size 14 deviate from the cube law.\n\nOnly K1 was "
-    "fitted. With a single fitted value, the clearance of the flexible bearing, K1 of all sizes agrees with the "
-    "catalogue. This clearance is 0.085 µm per mm of diameter, or 3.7 µm for size 17 and 14 µm for size 65. It adds "
-    "no backlash. Other changes that reduce K1 were also tried: a thinner shell, a smaller radial deflection, softer "
-    "flanks, and Hertzian balls. With each of these changes, K2 or K3 no longer agrees."
+    "diameter. These are the values of sizes 58 (40, 61, 71·10⁴ N·m/rad) and 65 (54, 88, 98·10⁴ N·m/rad). The rows "
+    "for *all sizes* refer to sizes 17 to 65, because the catalogue values of size 14 deviate from the cube "
+    "law.\n\nOnly K1 was fitted. With a single fitted value, the clearance of the flexible bearing, K1 of all sizes "
+    "agrees with the catalogue. This clearance is 0.085 µm per mm of diameter, or 3.7 µm for size 17 and 14 µm for "
+    "size 65. It adds no backlash. Other changes that reduce K1 were also tried: a thinner shell, a smaller radial "
+    "deflection, softer flanks, and Hertzian balls. With each of these changes, K2 or K3 no longer agrees."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)

@@ -131,7 +131,11 @@ def table() -> str:
         both = range(len(TORQUES)) if row["compared_arcsec"] else ()
         places = ", ".join(f"{share(row, k):.0f} ({share_of_cycle(row, k):.0f})" for k in both)
         what = ", ".join(filter(None, (row["size"], row["ratio"])))
-        origin = {"read": "", "second hand": " (cited from a secondary source)", "recalled": " (from memory, not verified)"}
+        origin = {
+            "read": "",
+            "second hand": " (cited from a secondary source)",
+            "recalled": " (from memory, not verified)",
+        }
         source = row["source"] + origin[row["read"]]
         cells = (
             row["drive"],

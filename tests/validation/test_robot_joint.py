@@ -117,8 +117,8 @@ INFORMATION = [
     Information(
         "order 1 with its sidebands",
         "arcsec",
-        "The uncertainty of 1.6 arcsec is nearly as large as the value, because most of the noise has low frequencies. The input "
-        "encoder may also cause order 1.",
+        "The uncertainty of 1.6 arcsec is nearly as large as the value, because most of the noise is of low "
+        "frequency. The input encoder may also cause order 1.",
         value=lambda: of_cam(1.0),
         digits=".1f",
     ),
