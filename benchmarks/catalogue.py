@@ -187,7 +187,7 @@ def table() -> str:
                 ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),
                 f'{curve.lost_motion_arcsec:.0f}"',
             ]
-        source = each.source.replace("read second-hand", "quoted by another source")
+        source = each.source.replace("read second-hand", "cited from a secondary source")
         source = source.replace("not re-read", "not verified")
         lines.append(f"| `{each.name}` | {' | '.join(cells)} | {source} |")
         sys.stderr.write(f"{lines[-1]}\n")
