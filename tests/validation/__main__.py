@@ -64,9 +64,9 @@ similar for different parameter sets. A difference of a single micrometre in a c
 F'_ior, so the prediction of an absolute value requires at least one measurement of the drive.
 
 The equations themselves are verified by reference values from two implementations
-(`tests/validation/test_model_reference.py`) and by identities that hold for every drive (`tests/property`). `python -m
-tests.validation` generates this page from the cases in the tests. The continuous integration fails if the page differs
-from the cases, or if a result marked as missed lies within its accepted range.
+(`tests/validation/test_model_reference.py`) and by identities that hold for every drive (`tests/property`). The command
+`python -m tests.validation` generates this page from the cases in the tests. The continuous integration fails if the
+page differs from the cases, or if a result marked as missed lies within its accepted range.
 """
 
 

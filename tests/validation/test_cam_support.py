@@ -98,7 +98,7 @@ CASES = [
     for C, value in {0: 12.2, 1000: 16.3, 8400: 31.5, 30000: 83, 100000: 155}.items()
 ] + [
     Case(
-        "largest divided by smallest F'_ior, C_3 = 0",
+        "ratio of largest to smallest F'_ior, C_3 = 0",
         "",
         "symmetry: deviations fixed to the housing have no effect",
         **about(1, 2e-3),
@@ -108,7 +108,7 @@ CASES = [
         value=lambda: ratio(0),
     ),
     Case(
-        "largest divided by smallest F'_ior, e_h^b = 0",
+        "ratio of largest to smallest F'_ior, e_h^b = 0",
         "",
         "symmetry: no deviation fixed to the housing",
         **about(1, 2e-3),

@@ -57,7 +57,7 @@ def moved(size: int, harmonics: float, share: float) -> float:
 def table() -> str:
     """F'_ior of drawn drives of each size beside the catalogue's accuracy, and by the bounds of the harmonics."""
     lines = [
-        "|size|accuracy|F'_ior of sampled drives: 5/50/95 %|share that meets the accuracy|share that meets the "
+        "|size|accuracy|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|share that meets the "
         "accuracy available on request|",
         "|---|---|---|---|---|",
     ]
@@ -67,7 +67,7 @@ def table() -> str:
         lines.append(f"|{size}|{limit(size):g}″|{percentiles(F_ior)}″|{kept(size):.0f}%|{special}″: {share:.0f}%|")
     lines += [
         "",
-        "|bounds of harmonics|size|F'_ior of sampled drives: 5/50/95 %|meet the accuracy|change of the median|change "
+        "|bounds of harmonics|size|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|change of the median|change "
         "of the 95th percentile|",
         "|---|---|---|---|---|---|",
     ]

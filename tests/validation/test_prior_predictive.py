@@ -111,8 +111,8 @@ def percentile(name: str, harmonics: float = 1.0) -> float:
 
 def table() -> str:
     """The record, what was drawn, and the record's percentile with other bounds of the harmonics, in Markdown."""
-    heads = "|".join(f"percentile, harmonics × {factor:g}" for factor in FACTORS)
-    lines = [f"|quantity, arcsec|recording|sampled drives: 5/50/95 %|{heads}|", f"|{'---|' * 6}"]
+    heads = "|".join(f"percentile of the recording, bounds × {factor:g}" for factor in FACTORS)
+    lines = [f"|quantity, arcsec|recording|sampled drives: 5th/50th/95th percentile|{heads}|", f"|{'---|' * 6}"]
     for k, name in enumerate(NAMES):
         places = "|".join(f"{percentile(name, factor):.0f}" for factor in FACTORS)
         lines.append(f"|{name}|{measured()[k]:.1f}±{reading_errors()[k]:.1f}|{percentiles(drawn()[:, k])}|{places}|")

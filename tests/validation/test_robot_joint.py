@@ -55,7 +55,7 @@ def turns() -> float:
 
 CASES = [
     Case(
-        "covered input revolutions of the mesh cycle of 101 revolutions",
+        "covered input revolutions, of 101 in the mesh cycle",
         "",
         SOURCE,
         SWEPT - 2,
@@ -101,7 +101,7 @@ CASES = [
     ),
     *(
         Case(
-            f"line at {order} per input revolution",
+            f"line at {order} periods per input revolution",
             "arcsec",
             SOURCE,
             **about(value, 1),
