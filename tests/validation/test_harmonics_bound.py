@@ -57,8 +57,8 @@ def moved(size: int, harmonics: float, share: float) -> float:
 def table() -> str:
     """F'_ior of drawn drives of each size beside the catalogue's accuracy, and by the bounds of the harmonics."""
     lines = [
-        "|size|accuracy|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|share that meets the "
-        "accuracy available on request|",
+        "|size|accuracy|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|share that "
+        "meets the accuracy available on request|",
         "|---|---|---|---|---|",
     ]
     for size in SIZES:
@@ -67,8 +67,8 @@ def table() -> str:
         lines.append(f"|{size}|{limit(size):g}″|{percentiles(F_ior)}″|{kept(size):.0f}%|{special}″: {share:.0f}%|")
     lines += [
         "",
-        "|bounds of harmonics|size|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|change of the median|change "
-        "of the 95th percentile|",
+        "|bounds of harmonics|size|F'_ior of sampled drives: 5th/50th/95th percentile|share that meets the accuracy|"
+        "change of the median|change of the 95th percentile|",
         "|---|---|---|---|---|---|",
     ]
     for factor in (0.5, 2.0):
