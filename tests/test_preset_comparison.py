@@ -116,7 +116,7 @@ def test_page_states_the_rated_share_of_drives_without_common_torque(better):
     half = load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"])
     sheets = (better.sheets[0], replace(better.sheets[1], check=check(half)))
     page = on_paper(drives_report(replace(better, sheets=sheets), 0))
-    assert "each drive is computed at 100 % of rated" in in_a_line(page)
+    assert "each drive is computed at 100 % of the rated torque" in in_a_line(page)
     assert re.search(r"^B +2 N·m", page, re.MULTILINE)
 
 
@@ -158,10 +158,10 @@ def test_probability_of_being_better_is_the_weight_of_better_pairs(better):
     alike = replace(better, sheets=(better.sheets[0],) * 2)
     assert (alike.best, alike.word, better.word) == (0, "ANY", "TAKE")
     assert [replace(back, changes=(one_torque_less,) * 2).word, back.word] == ["KEEP", "ANY"]  # 75 and 30 % sure
-    assert drives_report(alike, 0).line.startswith("any, all are equal: F'_ior of B ")
+    assert drives_report(alike, 0).line.startswith("any drive, because all are equal: F'_ior of B ")
     coin = replace(better, changes=(replace(changes, probability_better=(probability(0.48),)),))
     assert (coin.word, coin.best) == ("ANY", 1)
-    assert drives_report(coin, 0).line.startswith("any, the difference is not significant: F'_ior of B ")
+    assert drives_report(coin, 0).line.startswith("any drive, because the difference is not significant: F'_ior of B ")
 
 
 def test_next_command_reports_the_drive_that_is_taken_or_kept(better):
@@ -182,9 +182,9 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     likely = page(probability_better=(probability(0.8),))
     assert re.search(r": take B: F'_ior of B -\d+ % F'_ior", likely)
     assert re.search(r" -\d+ % 80 % .*B main cause .*\(tolerances.F_i2\)", likely)
-    assert "open unknown inputs may reverse this change" in likely
+    assert "open unknown inputs may reverse the sign of the change" in likely
     few = page(probability_better=(probability(0.01, 0.0, 0.07),))
-    assert "probability of its sign: 99 % (93 to 100); a decision needs 95 % over the whole interval" in few
+    assert "probability of the likelier sign: 99 % (93 to 100); a decision needs 95 % over the whole interval" in few
 
 
 @pytest.mark.thorough
@@ -266,7 +266,7 @@ def test_preset_is_a_library_name_or_a_yaml_file(name, preset):
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["b.YML", "run.csv"], 2, "cannot compare run.csv, a recording, with b.YML, a preset"),
+        (["b.YML", "run.csv"], 2, "cannot compare the recording run.csv with the preset b.YML"),
         (["b.YML", "--drift", "linear"], 2, "options for reading recordings do not apply to presets"),
         (["b.YML", "--torque", "1e8"], 2, "a torque"),
         (["b.YML", "--csv", "a.csv"], 2, "use hdassist check a.yaml b.YML --csv FILE"),

@@ -117,7 +117,7 @@ def beyond_words(compared: Sequence[MeasuredBeside]) -> list[str]:
             continue
         side = "above" if value.is_above else "below"
         predicted = f"{value.low_arcsec:.3g} to {value.high_arcsec:.3g}″ (5 to 95 %)"
-        wider = "; presets new --quality unknown assumes wider tolerances" if value.is_above else ""
+        wider = "; hdassist presets new --quality unknown assumes wider tolerances" if value.is_above else ""
         sentences.append(
             f"{value.place}: {value.value_arcsec:g}″ is {side} the range that the preset predicts without measured "
             f"values, {predicted}: check the value, its torque and the tolerances{wider}"

@@ -283,10 +283,10 @@ class _Knowledge:
         if path in self.uncertain:
             value = self.drive.number(path)
             spread = self.uncertain[path]
-            return self._prior(path, "normal", value - spread, value + spread, "its uncertainty, k = 2")
+            return self._prior(path, "normal", value - spread, value + spread, "stated uncertainty, k = 2")
         if path in self.fitted:
             draws = self.fitted[path]
-            fitted = self._prior(path, "drawn", min(draws), max(draws), "fitted with others")
+            fitted = self._prior(path, "drawn", min(draws), max(draws), "fitted together with other fields")
             return replace(fitted, draws=draws)
         if path in self.assumed:
             assumption = self.assumed[path]
@@ -295,7 +295,7 @@ class _Knowledge:
             return self._prior(path, distribution, assumption.low, assumption.high, assumption.reason)
         play = self.drive.catalogue.play
         if path == RIGID_SHIFT and play and _follows(self.drive):
-            reason = f"the teeth mesh: a backlash of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
+            reason = f"the teeth mesh with a backlash of at most {play:g} arcsec and a preload of at most {PRELOAD:g} modules"
             return self._prior(path, "meshing", -PRELOAD, _shift_of_backlash(self.drive, play), reason)
         if path in self.unknown:
             unknown = self.unknown[path]

@@ -620,7 +620,7 @@ def _few(
     The message names the datum or the most frequent reason for refused draws.
     """
     is_answer = samples.effective >= (effort.least or effort.effective)
-    of_draws = f"of {len(draws)} draws, {effort.effective} required"
+    of_draws = f"from {len(draws)} samples, {effort.effective} required"
     answer = replace(samples, few=f"effective sample size {samples.effective:.3g} {of_draws}")
     if is_answer and effort.for_action:
         return answer

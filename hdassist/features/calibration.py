@@ -275,7 +275,7 @@ def _unknown(
     high = bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
         document.add(
-            path, f"low must be below high, both within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
+            path, f"low must be below high, and both must be within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
         )
     # as for priors, a wide positive range is logarithmic
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
@@ -300,7 +300,7 @@ def _quantity_of(
     if isinstance(quantity, str) and quantity in _TARGET_KINDS:
         return quantity
     hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
-    document.add((*path, "quantity"), "is not a quantity", hint)
+    document.add((*path, "quantity"), "is not a known quantity", hint)
     return None
 
 
@@ -322,7 +322,7 @@ def _target(
     high = numbers.get("high", inf)
     has_range = "low" in numbers or "high" in numbers
     if (value is None) != has_range or not low < high:
-        document.add(path, "needs either a value with its tolerance, or low and/or high, with low below high", got="")
+        document.add(path, "needs either value and tolerance, or low, high or both, with low below high", got="")
         return
     # a tolerance in percent refers to the larger end
     ends = (low, high) if value is None else (value, value)
@@ -330,7 +330,7 @@ def _target(
     tolerance = _tolerance(numbers.get("tolerance", _RANGE_TOLERANCE if value is None else None), unit, ends)
     # one comparison rejects both NaN and 0
     if not 0 < tolerance < inf:
-        document.add((*path, "tolerance"), "must be above 0: a number, or a share, for example 5 %")
+        document.add((*path, "tolerance"), "must be a number or a percentage above 0, for example 5 %")
         return
     if value is not None:
         low = value - tolerance
@@ -359,7 +359,7 @@ def _target_numbers(
     for key in ("M_g", "T_1", "T_2"):
         # without torque, backlash leaves the rotation undetermined
         if numbers.get(key) == 0:
-            document.add((*path, key), "the rotation is undetermined at a torque of 0")
+            document.add((*path, key), "must not be 0, because backlash leaves the rotation undetermined without torque")
     return numbers if len(document.findings) == faults else None
 
 
@@ -795,4 +795,4 @@ def _shortfall(
     bound_texts = [
         f"{value.path} is at its bound {plain(value.held_at)}" for value in values if value.held_at is not None
     ]
-    return "; ".join([*missed, *(bound_texts or ["no bound limits the fit"])]) if missed else ""
+    return "; ".join([*missed, *(bound_texts or ["no fitted value is at its bound"])]) if missed else ""

@@ -239,7 +239,7 @@ class DesignCheck:
             paths = [field.path for field in self.prior.fields]
             omitted = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
             uncertain = f"uncertain, but not sampled: {', '.join(paths[:4])}{omitted}"
-            remarks.append(f"{uncertain}; computed at the given value or 0, so there is no range")
+            remarks.append(f"{uncertain}; computed at the given value or at 0, so results have no range")
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
             remarks.append("the preset has no uncertain input, so the measured values have no effect")
@@ -626,7 +626,7 @@ class Sweep:
         further_axes = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further_axes)
         if sweep.rows > _MOST_ROWS:
-            hint = "reduce the steps or the fields"
+            hint = "reduce the number of steps or of fields"
             raise UsageError(f"{_VARY} requires {sweep.rows} rows; the maximum is {_MOST_ROWS}", hint)
         return sweep
 

@@ -35,7 +35,7 @@ _SECTIONS = (  # sections of options in sequence; sections of commands come befo
     _OTHERS,
     "Drive",
     "Recording",
-    "Measured teeth",
+    "Tooth deviations",
     "Trials",
     "Card",
     "Test sheet",
@@ -173,26 +173,26 @@ def _default(note: re.Match[str]) -> str:
 
 _SUMMARIES = {  # summaries of the commands, by their section of the help
     "Design": {
-        "check": "F'_ior over the full mesh cycle, with a verdict",
+        "check": "compute F'_ior over the full mesh cycle, with a verdict",
         "explore": "change inputs and mounting angle interactively",
-        "trace": "error over the input angle, with its orders",
-        "stiffness": "torsion curve, lost motion, K1, K2, K3",
-        "tolerance": "production yield, as assembled and in the best hole",
+        "trace": "compute the error over the input angle, and its orders",
+        "stiffness": "compute torsion curve, lost motion, K1, K2 and K3",
+        "tolerance": "predict production yield, as assembled and in best holes",
         "sensitivity": "rank tolerances by the gain from tightening them",
         "allocate": "find the cheapest tolerances that reach a yield",
-        "sweep": "F'_ior over a grid of field values",
+        "sweep": "compute F'_ior over a grid of field values",
         "compare": "compare presets, or a recording with its prediction",
-        "report": "two-page report as HTML or Markdown",
+        "report": "write a two-page report as HTML or Markdown",
     },
     "Bench": {
         "mount": "choose the bolt hole of the fixed wheel",
         "trials": "old name of mount",
-        "measure": "F'_ior, orders and coverage of recordings",
+        "measure": "evaluate recordings: F'_ior, orders and coverage",
         "compensate": "compute a correction table and its residual error",
     },
     "Acceptance": {
-        "plan": "how much of F'_ior a test captures, and which suffices",
-        "accept": "PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
+        "plan": "find tests that capture enough of F'_ior",
+        "accept": "decide PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
     },
     "Data": {
         "presets": "list, show, validate and create drive presets",
@@ -246,7 +246,7 @@ _REMEDIES = {  # hints for options that a command does not have
     "--assume-phases": "set the directions: --set phases.phi_hb=0",
     "--samples": "use --draws N",
     **dict.fromkeys(("--scheduler", "--scheduler-file"), "use --executor dask=tcp://HOST:PORT"),
-    "--reseat": "use --noise, the standard deviation of repeats with the wheel reinstalled",
+    "--reseat": "use --noise: the standard deviation of repeated values, with the wheel reinstalled each time",
     "--trial": "list the trials after the preset: hdassist mount PRESET h0=28.1 h4=17.3",
 }
 
@@ -303,7 +303,7 @@ def _global(
     """Predict the kinematic error F'_ior of harmonic drives, and reduce it.
 
     \b
-    hdassist check vzp160           try it on a drive of the library
+    hdassist check vzp160           try it on a drive from the library
     hdassist COMMAND -h             examples and options of a command
     """
     if ctx.invoked_subcommand is None:
@@ -324,7 +324,7 @@ def _start_page(width: int) -> str:
         return [f"{left}{title}{first}", *(f"{'':{indent}}{line}" for line in next_lines)]
 
     lines = textwrap.wrap("Predict the kinematic error F'_ior of harmonic drives, and reduce it.", width)
-    lines += ["", *row("  ", "hdassist check vzp160", "try it on a drive of the library")]
+    lines += ["", *row("  ", "hdassist check vzp160", "try it on a drive from the library")]
     for section, summaries in _SUMMARIES.items():
         rows = [summary for summary in summaries.items() if summary[0] not in OTHER_NAMES]
         lines.append("")
@@ -411,21 +411,21 @@ def _as_known(error: Exception) -> HdassistError:
     if isinstance(error, HdassistError):
         return error
     if isinstance(error, MemoryError):
-        message = "not enough memory for a result"
+        message = "not enough memory to compute the result"
         hint = "reduce --jobs"
         return UntrustedError(message, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
     if number in _DEVICE_FAULTS:  # typer writes help and version; other output reports its own errors
         silence()  # otherwise the rest of the buffer causes another error at the end
         message = f"cannot write: {os.strerror(number)}"
-        hint = "check that standard output is open and its device is not full"
+        hint = "check that standard output is open and that its device is not full"
         return DataError(message, hint, Fault.FILE_UNWRITABLE)
     if number in _SCARCE:
-        message = f"the system refused a resource: {os.strerror(number)}"
-        hint = limits_hint("see the limits of a process with ulimit -a")
+        message = f"the operating system refused a resource: {os.strerror(number)}"
+        hint = limits_hint("check the limits of a process with ulimit -a")
         return DataError(message, hint, Fault.SYSTEM_LIMITS)
     message = f"internal error: {type(error).__name__}: {error}"
-    return HdassistError(message, "report this bug in hdassist, with the traceback that --debug shows")
+    return HdassistError(message, "report this bug in hdassist, with the traceback shown by --debug")
 
 
 def _require_lines(arguments: list[str]) -> None:

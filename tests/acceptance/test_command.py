@@ -115,7 +115,7 @@ def test_partial_cycle_is_judged_by_the_lower_end_of_measure(rig):
     within = accepted(rig, "--measured", "4=part.csv", "--limit", f"F_ior@4={float(low) + 1}",
                       "--set", "acceptance.rule=simple")  # fmt: skip
     assert within.returncode == 3
-    assert "exceeds the limit according to the decision rule of the plan" in in_a_line(within.stdout)
+    assert "the decision rule of the test plan rejects the estimate" in in_a_line(within.stdout)
 
 
 @pytest.mark.thorough
@@ -123,7 +123,7 @@ def test_unstated_uncertainty_source_is_inconclusive_and_named_with_its_option(r
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
-    words = "no uncertainty is stated for coupling, temperature: use --budget coupling=U,temperature=U, U in ″, or 0"
+    words = "no standard uncertainty is stated for coupling, temperature: use --budget coupling=U,temperature=U (in ″; 0"
     page = in_a_line(done.stdout)
     assert words in page
     following = page.partition("next ")[2].partition(" more ")[0]

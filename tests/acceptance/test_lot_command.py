@@ -168,7 +168,7 @@ def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
     assert process.returncode == 130
     assert 0 < len(kept) < 6
     told = re.search(
-        r"(\d) of 6 rows are stored in a\.jsonl; continue with the same command and --resume", said.decode()
+        r"(\d) of 6 rows are stored in a\.jsonl; to continue, repeat the command with --resume", said.decode()
     )
     assert told is not None and len(kept) - int(told[1]) in (0, 1)  # a line may be on its way as the stop comes
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.jsonl", "lot.csv", "run.csv"]
@@ -459,7 +459,7 @@ def test_a_lot_without_one_answer_says_so(folder, here):
     code, page, _ = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
     assert code == 4
     assert page.splitlines()[:2] == [
-        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive passes or fails; the table gives the reasons"
+        "lot.csv, 2 drives: 2 DATA_ERROR", "no yield, because no drive has PASS or FAIL; the table gives the reasons"
     ]  # fmt: skip
 
 
@@ -469,7 +469,7 @@ def test_a_fault_that_many_rows_share_is_named_once(folder, here):
     assert code == 4
     assert page.count("has no acceptance limit") == said.count("has no acceptance limit") == 1
     assert page.count("as 0") == 3
-    assert said.rstrip().endswith("note: the same for 3 further rows")
+    assert said.rstrip().endswith("note: the same errors occur in 3 further rows")
 
 
 def test_preset_error_is_reported_for_every_row_that_uses_it(folder):
@@ -500,7 +500,7 @@ def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
     code, _, err = here("accept", "run.csv")
     assert code == 4
     assert "no column has a name that is valid in a lot" in err
-    assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
+    assert "hdassist measure run.csv or hdassist accept PRESET --measured TORQUE=run.csv" in err
 
 
 @pytest.mark.thorough
@@ -515,7 +515,7 @@ def test_identical_recordings_raise_a_warning_and_common_errors_print_once(folde
     code, _, told = here("accept", "lot.csv", *STATED)
     assert code == 4
     assert told.count("preset: missing") == 1
-    assert "note: the same for 2 further rows" in told
+    assert "note: the same errors occur in 2 further rows" in told
 
 
 def test_drive_nearest_to_its_limit_is_turned_first(folder, here):

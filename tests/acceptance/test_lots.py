@@ -101,7 +101,7 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     faults = [str(row.fault or "") for row in lot.rows]
     assert [row.request.serial for row in lot.rows] == ["A", "A", "line 4", "B", "C", "D"]
     expected = (
-        "2:1: serial: is also in line 3", "3:1: serial: is also in line 2", "4:1: serial: missing",
+        "2:1: serial: also used in line 3", "3:1: serial: also used in line 2", "4:1: serial: missing",
         "5:1: preset: missing", "6:7: a cell in a column", "7:3: preset: a row cannot read standard",
     )  # fmt: skip
     for said, words in zip(faults, expected, strict=True):
@@ -186,7 +186,7 @@ def test_a_fault_of_a_row_comes_through_to_another_process(tmp_path):
     (answer,) = pickle.loads(pickle.dumps(partial(answer_rows, rows, False)))(0, 1)
     assert answer.error.message == rows[0].fault.message
     assert answer.error.message.endswith(
-        "lot.csv:2:1: preset: missing (add a column preset, or use --preset NAME for all rows)"
+        "lot.csv:2:1: preset: missing (add the column preset, or use --preset NAME for all rows)"
     )
     assert (answer.exit_code, answer.request) == (4, None)
 

@@ -59,7 +59,7 @@ def test_short_partial_cycle_can_fail_a_drive_but_never_pass():
     facts = facts_of(accept_report(found, None, drive))
     assert (
         facts["measure"]
-        == "the full mesh cycle of 30 input revolutions; a recording of less than a third of the cycle cannot give PASS"
+        == "the full mesh cycle of 30 input revolutions; a recording of less than a third of the cycle cannot result in PASS"
     )
     assert facts["next"].endswith("--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
@@ -122,8 +122,8 @@ def test_unstated_uncertainty_source_prevents_pass_unless_the_rule_is_simple():
         found = accept(small(*limits), measured, measured_only=True)
         assert [d.verdict for d in found.checks] == ["INCONCLUSIVE"] * 3
         assert {d.reason for d in found.checks} == {
-            f"no uncertainty is stated for {missing}: use --budget {missing}=U, U in ″, or 0 for a source "
-            "without effect"
+            f"no standard uncertainty is stated for {missing}: use --budget {missing}=U "
+            "(in ″; 0 for a source without effect)"
         }
         lenient = small(*limits, overrides=("acceptance.rule=simple",))
         assert accept(lenient, measured, measured_only=True).verdict == "PASS"
@@ -225,7 +225,7 @@ def test_two_halves_are_no_part_of_the_cycle():
     back = next(each for each in halves.directions if each.direction == -1)
     back = replace(back, full_cycle=replace(back.full_cycle, record_next_rev=(CYCLE / 6, CYCLE / 3)))
     cycle = covered_cycle(limits_of(small("F_ior@4=24"))[0], halves, back)
-    assert cycle.advice == "; to narrow it, record the decreasing direction over 60 to 120° of the output"
+    assert cycle.advice == "; next, record output angles from 60 to 120° with decreasing input angle"
     # a limit that each direction must meet by its own readings
     alone = accept(small(f"F_ior@4={limit!r}", "turn_range@4=50"), {4.0: halves}, measured_only=True)
     assert "COVERAGE" in [note.code for note in alone.remarks]

@@ -55,7 +55,7 @@ def test_a_prediction_is_that_of_the_measured_teeth(folder):
         for name, mark in (("b", 30.0), ("g", 0.0))
     ]
     page = run("accept", TINY, *LIMITS, *FILES, "--ascii", cwd=folder).stdout
-    assert "measured teeth: circular spline (b.csv), flexspline (g.csv)" in in_a_line(page)
+    assert "measured pitch deviations: circular spline (b.csv), flexspline (g.csv)" in in_a_line(page)
     assert run("accept", "--replay", "a.json", "-q", cwd=folder).stdout == "agrees\n"
     (folder / "g.csv").write_text(wheel(20, 1))
     changed = run("accept", "--replay", "a.json", cwd=folder)
@@ -138,7 +138,7 @@ def test_a_lot_from_standard_input(folder):
     replayed = run("accept", "--replay", "a.jsonl", "-q", cwd=folder)
     assert (replayed.returncode, replayed.stdout.split("\n")) == (
         0,
-        ["1 agrees", "2 agrees", "3 left out", "4 left out", ""],
+        ["1 agrees", "2 agrees", "3 not replayed", "4 not replayed", ""],
     )
     with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS):
         locked = run(*asked, "--jsonl", "a.jsonl", "--resume", stdin=LOT, cwd=folder)

@@ -117,7 +117,7 @@ def test_missed_target_without_active_bounds_is_reported_as_such(cheap):
     torn = targets_of(drive_of(), [f"quantity: K_1, value: {k}, tolerance: 1 %" for k in (4000, 4500)])
     result = calibrate(drive_of(), torn, points=16, starts=ONE)
     assert "wanted 4000 ± 40; K_1 is" in result.shortfall
-    assert result.shortfall.endswith("wanted 4500 ± 45; no bound limits the fit")
+    assert result.shortfall.endswith("wanted 4500 ± 45; no fitted value is at its bound")
 
 
 def test_unconverged_fit_reports_the_targets_that_it_misses(cheap):

@@ -46,7 +46,7 @@ def test_what_is_written_is_what_is_meant():
     [
         ("gears.j_n:", "gears.jn:", "4:3", "the nearest name is gears.j_n"),
         ("gears.j_n:", "gears.z_g:", "4:3", "is not a numeric field"),
-        ("high: 15 um", "high: 500", "4:14", "low must be below high, both within 0 to"),
+        ("high: 15 um", "high: 500", "4:14", "low must be below high, and both must be within 0 to"),
         ("high: 15 um", "high: 15 kg", "4:29", "unit"),
         ("high: 2e-4", "high: 1e-6", "5:16", "low must be below high"),
         ("2e-4}", "2e-4, scale: log}", "5:40", "unknown key"),
@@ -59,7 +59,7 @@ def test_what_is_written_is_what_is_meant():
         ("low: 0.25, high: 2.0", "low: 3, high: 2.0", "8:5", "low below high"),
         (", low: 5e3", "", "9:5", "needs either a value"),
         ("low: 5e3", "weight: 5", "9:", "unknown key"),
-        ("7 %", "true %", "7:58", "a share, for example 5 %"),
+        ("7 %", "true %", "7:58", "a percentage above 0, for example 5 %"),
         ("M_g: 80", "M_g: true", "7:32", "must be a number"),
         ("value: 31", "value: .inf", "7:43", "must be a finite number"),
         ("value: 31", "value: 31, low: 3", "7:5", "needs either a value"),

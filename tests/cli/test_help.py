@@ -67,7 +67,7 @@ def test_help_on_presets_fits_a_terminal_too(name: str) -> None:
 def test_options_stand_in_sections() -> None:
     told = run("check", "--help").stdout
     sections = [line for line in told.splitlines() if line.endswith(":") and not line.startswith(" ")]
-    assert sections == ["Arguments:", "Options:", "Drive:", "Measured teeth:", "Output:", "Advanced:"]
+    assert sections == ["Arguments:", "Options:", "Drive:", "Tooth deviations:", "Output:", "Advanced:"]
 
 
 @pytest.mark.parametrize("name", NAMES)

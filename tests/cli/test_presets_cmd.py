@@ -135,15 +135,15 @@ def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
 def test_validate_says_ok_on_stdout() -> None:
     result = run("validate", "vzp160", "synthetic-160-162")
     assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout == "vzp160: OK, 16 values are assumed\nsynthetic-160-162: OK, 49 values are assumed\n"
+    assert result.stdout == "vzp160: OK; assumed values: 16\nsynthetic-160-162: OK; assumed values: 49\n"
 
 
 def test_validate_counts_assumed_values_until_they_are_declared_given() -> None:
     form = run("new", "x").stdout
     examples = form.count("kind: assumed")
-    assert run("validate", "-", stdin=form).stdout == f"-: OK, {examples} values are assumed\n"
+    assert run("validate", "-", stdin=form).stdout == f"-: OK; assumed values: {examples}\n"
     given = form.replace("gears.z_g: {kind: assumed", "gears.z_g: {kind: given")
-    assert run("validate", "-", stdin=given).stdout == f"-: OK, {examples - 1} values are assumed\n"
+    assert run("validate", "-", stdin=given).stdout == f"-: OK; assumed values: {examples - 1}\n"
     assert run("validate", "-", stdin=form.replace("kind: assumed", "kind: given")).stdout == "-: OK\n"
     assert answer("validate", "vzp160")["values"] == {"given": 33, "identified": 10, "assumed": 16}
 
@@ -151,7 +151,7 @@ def test_validate_counts_assumed_values_until_they_are_declared_given() -> None:
 def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
     result = run("validate", bad, "vzp160", "vzp161")
     assert result.exit_code == 4
-    assert result.stdout == "vzp160: OK, 16 values are assumed\n"
+    assert result.stdout == "vzp160: OK; assumed values: 16\n"
     line = Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
     assert f"{bad}:{line}:8: cam.W_0: the unit m is ambiguous" in result.stderr
     assert "gears.z_b: must be a whole number (got no)" in result.stderr
@@ -342,7 +342,7 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
     head, modeline = drive.read_text(encoding="utf-8").splitlines()[:2]
     assert modeline == f"# yaml-language-server: $schema={SCHEMA_FILE}"
     assert head == f"# Made by hdassist presets new, like vzp160: {given} values given, {assumed} assumed."
-    assert run("validate", str(drive)).stdout.endswith(f"OK, {assumed} values are assumed\n")
+    assert run("validate", str(drive)).stdout.endswith(f"OK; assumed values: {assumed}\n")
 
 
 @pytest.mark.parametrize(

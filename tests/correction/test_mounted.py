@@ -72,8 +72,8 @@ def test_compensated_mount_minimizes_the_table_residual_or_F_ior():
     page = in_a_line(run(*SIX, "--compensated", "phasors", "--no-plot").stdout)
     plain = json.loads(run(*SIX, "--json").stdout)
     assert plain["compensated"] is None
-    words = "the residual F'_ior is the same in all holes. Recommendation by F'_ior without a correction: "
-    assert words in page or "it is valid in no other hole" in page
+    words = "the residual F'_ior is the same in all holes. Recommendation without a correction: "
+    assert words in page or "it is not valid in any other hole" in page
     assert plain["compensated"] is None
 
 

@@ -191,9 +191,9 @@ def test_page_states_misfit_and_advice_for_a_partial_cycle(tmp_path: Path):
     words = in_a_line(page.stdout)
     assert "computed as 0" not in page.stderr
     assert ", including noise of the recording" in words
-    assert " of 10 input revolutions at 1 N·m; the angles are those of the preset" in words
+    assert " of 10 input revolutions at 1 N·m; the correction uses the angles of the preset" in words
     assert "fitted phases.xi_b, supports, contacts, deflection and clearance (docs/correct.md); misfit " in words
-    assert "the full mesh cycle; no fit is then needed" in words
+    assert "the full mesh cycle, which needs no fit" in words
 
 
 @pytest.mark.parametrize("count", [1001, 1836])

@@ -68,11 +68,11 @@ def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
     ("way", "shift", "cause"),
     [
         (-1, 0, "the sign of the correction is wrong"),
-        (1, TURN // 2, "the zero of the correction is off by 180° of the input"),
-        (1, 20, "the zero of the correction is off by 40° of the input"),
+        (1, TURN // 2, "the zero of the correction is off by 180° of input rotation"),
+        (1, 20, "the zero of the correction is off by 40° of input rotation"),
         (1, -3 * TURN, "3 input revolutions are lost"),
-        (-1, TURN // 4, "the sign of the correction is wrong, the zero of the correction is off by 90° of the input"),
-        (0, 0, "the correction is not on"),
+        (-1, TURN // 4, "the sign of the correction is wrong, the zero of the correction is off by 90° of input rotation"),
+        (0, 0, "the correction is not active"),
     ],
 )
 def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause):

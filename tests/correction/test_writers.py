@@ -206,8 +206,8 @@ def test_a_file_says_what_it_is_for(kind):
         "the axis reads 12.5 deg when input and output are at zero",
         f"the axis reading increases as the {'wave generator' if kind == 'moteus' else 'output'} rotates clockwise",
         "subtract the error (actual minus ideal output angle)",
-        "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
-        "at -80 N*m, turn lost: expected range 6.00 arcsec (5.00 to 7.00), without correction 28.00",
+        "at 80 N*m: expected residual range 2.20 arcsec (1.10 to 3.30)",
+        "at -80 N*m, turn lost: expected residual range 6.00 arcsec (5.00 to 7.00), without correction 28.00",
     ):  # fmt: skip
         assert words in about
     comment = CONTROLLER_FORMATS[kind].comment
@@ -223,7 +223,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
     text = name.read_text()
     sha256 = hashlib.sha256(Path(TINY).read_bytes()).hexdigest()
     assert f"# preset tiny, sha256 {sha256[:8]}" in text and "axis 3" in text and "reads 12.5 deg" in text
-    assert "# at 1 N*m: expected range 15.51 arcsec" in text and "expected range 15.51" in answer.stderr
+    assert "# at 1 N*m: expected residual range 15.51 arcsec" in text and "expected residual range 15.51" in answer.stderr
     assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
 
 

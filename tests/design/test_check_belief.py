@@ -130,7 +130,7 @@ def test_without_samples_nothing_that_is_open_is_settled():
     told = json.loads(result.stdout)
     assert (result.returncode, told["verdict"], told["samples"]) == (6, "INCONCLUSIVE", None)
     assert told["warnings"] == [
-        "uncertain, but not sampled: gears.j_n; computed at the given value or 0, so there is no range"
+        "uncertain, but not sampled: gears.j_n; computed at the given value or at 0, so results have no range"
     ]
 
 

@@ -93,7 +93,7 @@ def test_a_page_says_what_is_compared():
     assert [bool(re.fullmatch(r"[-+]\d+ %", row[4])) for row in rows] == 2 * [True, False, True]
     assert re.search(r"catalogue +at most 300 arcsec.* is below this limit", in_a_line(page))
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
-    assert "so K is not compared" in in_a_line(page)
+    assert "so their stiffnesses are not compared" in in_a_line(page)
     assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
 
 

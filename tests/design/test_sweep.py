@@ -272,7 +272,7 @@ def test_an_interrupt_says_what_is_kept_and_leaves_no_worker(tmp_path):
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         out, err = process.communicate(timeout=30)
     assert (process.returncode, out) == (130, "")
-    kept = rf"interrupted: (\d+) of 30 rows are stored in {re.escape(str(file))}; the same command resumes\n"
+    kept = rf"interrupted: (\d+) of 30 rows are stored in {re.escape(str(file))}; repeat the command to resume\n"
     said = re.fullmatch(kept, err)
     assert said
     assert int(said[1]) <= rows_of(file)

@@ -42,8 +42,8 @@ def test_light_weight_changes_nothing_and_heavy_weight_crosses_zero_torque():
 def test_the_page_and_json():
     page = in_a_line(run("trace", SMALL, "--torque", "6", "--gravity", "4,70", "-n", "30", "--no-plot").stdout)
     assert "gravity 2 to 10 N·m, " in page
-    assert " torques solved, error of the interpolation at most " in page
-    assert "Wind-up of " in page
+    assert " torques solved, interpolation error at most " in page
+    assert "The wind-up of " in page
     found = json.loads(run("trace", SMALL, "--torque", "6", "--gravity", "4", "--json").stdout)["gravity"]
     assert found["gravity"] == {"amplitude_Nm": 4.0, "direction_deg": 0.0}
     assert len(found["torques_Nm"]) == len(found["ranges_arcsec"])

@@ -30,7 +30,7 @@ def test_screen_shows_error_seat_holes_inputs_curve_and_recommendation() -> None
         found = app.known.turn
         assert found is not None and told.count("input angle, revolutions") == 2 and "hdassist trace" not in told
         (point,) = check(app.session.drive).points
-        assert f"▸4 N·m ─●─ {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every state" in told
+        assert f"▸4 N·m ─●─ {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every position" in told
 
     explored(act, size=(140, 44))
 
@@ -97,7 +97,7 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
         assert "INPUTS" in screen(app) and "SEAT" in screen(app)
         await pilot.resize_terminal(50, 15)
         await pilot.pause()
-        assert "too small for the explorer" in screen(app) and "INPUTS" not in screen(app)
+        assert "needs at least 60 x 18" in screen(app) and "INPUTS" not in screen(app)
         await pilot.resize_terminal(100, 30)
         await settled(app, pilot)
         assert "INPUTS" in screen(app) and "too small" not in screen(app)
@@ -164,7 +164,7 @@ def test_seat_has_a_legend_and_inputs_keep_their_sequence() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "N now  B best  W worst  o looked at" in screen(app)
+        assert "N now  B best  W worst  o selected" in screen(app)
         before = list(app.levers.rows)
         await known_is(app, pilot, "gears.j_n=9")
         await pilot.pause(REST + 0.2)

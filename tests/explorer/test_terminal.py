@@ -151,7 +151,7 @@ def test_a_session_in_a_terminal() -> None:
             in left
         )
         assert (
-            f"numbers of the drive: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n"
+            f"check this drive: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n"
             in left
         )
     assert vanished(before)
@@ -258,12 +258,12 @@ def test_explorer_without_a_terminal_is_refused_with_a_script_command(tmp_path: 
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
     dumb = Terminal("explore", TINY, command=["env", "TERM=dumb", *COMMAND])
-    assert dumb.end() == 2 and b"needs a terminal that moves its cursor" in dumb.sent
+    assert dumb.end() == 2 and b"needs a terminal with cursor control" in dumb.sent
     dumb.close()
     log = tmp_path / "log"  # the screen is drawn on stderr: in a file nobody would see it
     unseen = Terminal("-c", f"exec {shlex.join(COMMAND)} explore {TINY} 2>{log}", command=["sh"])
     try:
-        assert unseen.end() == 2 and "needs a terminal that moves its cursor" in log.read_text("utf-8")
+        assert unseen.end() == 2 and "needs a terminal with cursor control" in log.read_text("utf-8")
     finally:
         unseen.close()
     assert f"hdassist mount {TINY} --set gears.j_n=7 --set 'measured.F_ior.h0@1=28.1 ± 2'" in done.stderr

@@ -55,7 +55,7 @@ def test_an_archive_as_its_users_meet_it(tmp_path):
         noise = 0.3 * np.random.default_rng(k).standard_normal(len(TURNS))
         (tmp_path / f"{k}.csv").write_text(text([360 * TURNS, factor * ERROR + noise], "cam_deg,error_arcsec"))
         into = ("--archive", "rig", "--serial", "17-1", "--conditions", f"hole=h4,torque=80,temperature=23,date={day}")
-        for words in (f"added as 17-1 of {day}", "not added again"):
+        for words in (f"added for 17-1, {day}", "not added again"):
             done = run("measure", f"{k}.csv", *budget, *into, "--json", cwd=tmp_path)
             assert done.returncode == 0
             assert words in done.stderr

@@ -90,7 +90,7 @@ def test_measure_reports_a_lower_bound_for_part_of_the_cycle(rig):
     assert "".join(lines).isascii()
     assert not any("Rows are missing" in line for line in lines)
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
-    assert "without --drive or --ratio the full mesh cycle is unknown" in in_a_line(alone)
+    assert "without --drive or --ratio, the full mesh cycle is unknown" in in_a_line(alone)
     assert re.search(r"next +hdassist compare PRESET part\.csv\n", alone)
 
 
@@ -160,7 +160,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
     assert "covers 69.9 % of the full mesh cycle of 30 input revolutions" in in_a_line(page.stdout)
-    assert "Rows are missing: gaps of more than 14.8°" in in_a_line(page.stdout)
+    assert "Readings are missing: gaps of more than 14.8°" in in_a_line(page.stdout)
 
 
 @pytest.mark.thorough

@@ -35,7 +35,7 @@ def test_a_line_is_found_where_it_is(order):
     assert only.per_cam_rev == pytest.approx(order, abs=0.002)
     assert only.amplitude_arcsec == pytest.approx(3.0, abs=4 * only.uncertainty_arcsec)
     assert only.phase_deg == pytest.approx(np.degrees(0.4), abs=8)
-    assert "no order of the drive, or not resolved" in only.cause
+    assert "not an order of the drive, or not resolved" in only.cause
     assert {round(o.per_cam_rev, 9) for o in found_in(CURVE(TURNS) + NOISE).orders} == {
         round(o.per_cam_rev, 9) for o in found.orders if o is not only
     }

@@ -71,7 +71,7 @@ def test_a_cycle_that_does_not_close_drifts():
     for shape in (turns / RATIO, (turns / RATIO) ** 2, np.sqrt(turns / RATIO)):
         result = measure(recorded(turns, error + 12 * shape), ratio=RATIO)
         (text,) = result.warnings
-        assert "does not close, so a linear drift of 1" in text
+        assert "does not close over the cycle, so a linear drift of 1" in text
         (found,) = result.directions
         low, high = found.interval_arcsec
         assert low < whole_range(curve, RATIO) < high

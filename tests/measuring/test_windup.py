@@ -61,7 +61,7 @@ def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
 def test_wind_up_that_follows_the_output_needs_catalogue_stiffness():
     left = measured(file(GRAVITY, 1.0))
     assert left.F_ior_arcsec > 5 * RANGE
-    assert any("the torque follows the output angle" in warning for warning in left.warnings)
+    assert any("the torque varies with the output angle" in warning for warning in left.warnings)
     beyond = np.maximum(GRAVITY - 22, 0)
     twist = (15 + (np.minimum(GRAVITY, 22) - 15) / 2 + beyond / 3) / STIFFNESS * 648000 / np.pi
     twist[GRAVITY < 15] = (GRAVITY / STIFFNESS * 648000 / np.pi)[GRAVITY < 15]

@@ -161,7 +161,7 @@ def test_measuring_does_not_stop_next_to_a_likely_better_hole():
     likely = doubting(0.3, 0.0)
     assert likely.next.hole == 2
     assert next_value_words(likely) == (
-        "Before bolting, measure hole 2. Probability that hole 2 is better than hole 1 by more than 2 %: 30 %."
+        "Before bolting, measure F'_ior in hole 2. Probability that hole 2 is better than hole 1 by more than 2 %: 30 %."
     )
 
 
@@ -170,7 +170,7 @@ def test_a_doubtful_value_is_repeated_before_all_else():
     doubtful = doubting(0.3, 0.3)
     assert doubtful.next.hole == 1
     assert next_value_words(doubtful) == (
-        "Before bolting, measure hole 1 again. Probability that 10″ is a reading error: 30 %."
+        "Before bolting, measure F'_ior in hole 1 again. Probability that 10″ is a reading error: 30 %."
     )
     after = SimpleNamespace(misread=np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0]), facing=(None, None))
     repeated = replace(doubtful, trials=(*doubtful.trials, Trial(72.0, 10.2)), after=after)
@@ -180,5 +180,5 @@ def test_a_doubtful_value_is_repeated_before_all_else():
 def test_a_value_is_measured_for_its_number_with_a_reason():
     few = replace(doubting(0.0, 0.0), trials=(Trial(288.0, 30.0),))
     assert next_value_words(few).startswith(
-        "Before bolting, measure hole 4 again: fewer than 5 values may not reveal a reading error. Mean F'_ior"
+        "Before bolting, measure F'_ior in hole 4 again: with fewer than 5 values, a reading error may go unnoticed. Mean F'_ior"
     )

@@ -225,12 +225,12 @@ def test_probable_reading_error_is_measured_again_before_any_other_hole() -> Non
     assert report.values["next"] == {
         "hole": 6, "rotation_deg": 180.0, "gain_arcsec": None, "M_g_Nm": SETUP.M_g, "repeats_misread": True
     }  # fmt: skip
-    assert report.why[0].startswith("Measure in hole 6 again. ")
+    assert report.why[0].startswith("Repeat the measurement for hole 6. ")
     assert not any("Stop measuring" in words or "→" in words for words in report.why)
     (facts,) = [block for block in report.blocks if type(block).__name__ == "Facts"]
     assert "h6=F_IOR" in dict(facts.rows)["next"]
     paper = card(advice, trials=advice.trials)
-    assert paper.condition.text.startswith("Before bolting, measure in hole 6 again: ")
+    assert paper.condition.text.startswith("Before bolting, repeat the measurement for hole 6: ")
     assert [block for block in paper.blocks if isinstance(block, Paragraph)] == [paper.condition, paper.instruction]
     assert "hole 6 again" not in paper.instruction.text
     repeated = advise_after(AT_4, [*others, wrong, tried[3]], SETUP, samples=samples)

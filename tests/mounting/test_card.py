@@ -62,9 +62,9 @@ def test_the_facts():
     assert "the circular spline is in hole 8: 4 holes (120°) clockwise from hole 0" in made.checks.lines
     assert made.chance.title == "Probability: TURN"
     assert made.chance.lines == (
-        "The choice is made at nominal values; its probability is not known.",
-        "If F'_ior is larger than predicted: measure in hole 0, hole 4, hole 8 too, and give all values to hdassist "
-        "mount.",
+        "The choice is made at nominal values; its probability is unknown.",
+        "If F'_ior is larger than predicted, also measure it for hole 0, hole 4, hole 8, and enter all values in "
+        "hdassist mount.",
         "Inputs: 0 uncertain, 50 given in the preset, 0 identified from measurements.",
     )
     assert made.warnings.lines == ()
@@ -94,7 +94,7 @@ def test_a_measured_wheel_is_marked_at_its_tooth():
     made = card(CARDS["measured"])  # turned by 240
     assert dict(made.subject.rows)["mark"] == "tooth 17 of the measured circular spline"
     assert made.directions.lines[:2] == ("p: mark now, 33°", "q: mark after assembly, 273°")
-    assert made.foot.lines[2] == "measured teeth: circular spline, wheel.csv, sha256 0123456789ab"
+    assert made.foot.lines[2] == "measured pitch deviations: circular spline, wheel.csv, sha256 0123456789ab"
     assert len(made.warnings.lines) == 2
 
 
@@ -103,7 +103,7 @@ def test_a_wheel_that_is_left_stays_on_its_hole():
     assert made.instruction.text == "Leave the circular spline in hole 0, where it is now."
     assert made.torques.heads == ("torque, N·m", "hole 0, ″", "measured, ″")
     assert made.torques.rows == (("1", "10.00", ""),)
-    assert made.directions.lines[0] == "q: mark, now and after assembly, 90°"
+    assert made.directions.lines[0] == "q: mark now and after assembly, 90°"
     assert [p.kind for p in made.seat.places] == ["worst", "now", "best"]
     assert not [text for text in made.checks.lines if "hole" in text]
     unsure = card(CARDS["not sure"])
@@ -115,10 +115,10 @@ def test_a_card_asks_for_no_hole_that_was_measured() -> None:
     """With all that is worth it measured, the value after bolting is what is left to enter."""
     in_hole_0 = TRIALS[:1]
     wrong = card(CARDS["sampled"], trials=in_hole_0).chance.lines[1]
-    assert wrong.startswith("After bolting, measure F'_ior at 1 N·m and check it with hdassist mount, all values and ")
+    assert wrong.startswith("After bolting, measure F'_ior at 1 N·m, and run hdassist mount with all values and ")
     assert "--verify h8=VALUE. Predicted: " in wrong
     elsewhere = card(CARDS["sampled"], trials=TRIALS[1:2]).chance.lines[1]
-    assert elsewhere.endswith("″: measure in hole 0 too.")
+    assert elsewhere.endswith("″, also measure it for hole 0.")
 
 
 def test_a_free_angle_has_degrees_and_no_holes():
@@ -148,7 +148,7 @@ def test_card_states_the_probability_of_its_hole_without_field_names():
     assert "that hole 8 is better than hole 0 by more than 1 %, over all uncertain inputs: 100 % (" in said
     assert inputs.startswith("Inputs: 3 uncertain, ")
     high = advice.decision.quantile(0.95, advice.decision.best)[0]
-    assert wrong.startswith(f"If F'_ior is more than {high:.1f}″ at 1 N·m after bolting: measure in hole 0, ")
+    assert wrong.startswith(f"If F'_ior at 1 N·m exceeds {high:.1f}″ after bolting, also measure it for hole 0, ")
     unsure, word = card(UNSURE), UNSURE.decision.probability.value
     assert (UNSURE.word, unsure.chance.title) == ("BEST_BET", "Probability: BEST BET")
     assert (
@@ -326,7 +326,7 @@ def doubtful() -> list[Advice]:
 
 def test_the_draws_for_enough_samples_are_named():
     odd, *_ = doubtful()  # 3 of 64 agree, 32 are wanted: 64 * 32 / 3
-    assert any("about 32 agree with --draws 683" in warning for warning in mount_warnings(odd))
+    assert any("with --draws 683, about 32 samples would agree" in warning for warning in mount_warnings(odd))
 
 
 @pytest.mark.parametrize("value_arcsec", [9.0, 0.5])

@@ -124,7 +124,7 @@ def test_mount_page_states_hole_probability_next_measurement_and_next_command(an
     for words in ("is better than hole 0 by more than 1 %: ", " Effective sample size: ", "F'_ior at 4 N*m, arcsec"):
         assert words in page
     following = answer[0]["next"]
-    assert (f"Before bolting, measure hole {following['hole']}" if following else "Stop measuring: ") in page
+    assert (f"Before bolting, measure F'_ior in hole {following['hole']}" if following else "Stop measuring: ") in page
     words = re.sub(r"next hdassist .*?F_IOR", "", page)  # the command as it was typed
     assert not re.search(r"\b(tolerances|phases|gears|bearing)\.", words)  # no paths on a fitter's page
 

@@ -93,7 +93,7 @@ def test_people_see_whose_teeth_were_measured(command, files):
     args = (*QUICK, "--details") if command == "mount" else ("--torque", "4")
     page = pitch(command, SMALL, *args, "--pitch-b", "wheel.csv", "--mark-b", "120", files=files)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "measured teeth: circular spline (wheel.csv)" in in_a_line(page.stdout)
+    assert "measured pitch deviations: circular spline (wheel.csv)" in in_a_line(page.stdout)
     assert max(map(len, page.stdout.splitlines())) <= 80
 
 
@@ -144,11 +144,11 @@ def test_the_card_has_the_tooth(files):
     )  # fmt: skip
     assert told.returncode == 0
     assert "tooth 17 of the measured circular spline" in told.stdout
-    assert "measured teeth: circular spline, wheel.csv, sha256" in told.stdout
+    assert "measured pitch deviations: circular spline, wheel.csv, sha256" in told.stdout
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("language", "words"), [("en", "taken as numbered counter-clockwise"), ("ru", "считаются")])
+@pytest.mark.parametrize(("language", "words"), [("en", "it is taken as counter-clockwise"), ("ru", "считаются")])
 def test_the_card_says_where_the_sense_of_counting_is_assumed(files, tmp_path, language, words):
     (tmp_path / "silent.csv").write_text(HEAD.replace("# sense: ccw\n", "") + rows())
     for file, wanted in (("silent.csv", True), (str(files / "wheel.csv"), False)):

@@ -62,7 +62,7 @@ def test_mount_names_a_hole_and_warns_if_few_draws_agree(monkeypatch: pytest.Mon
     agreeing = changed(drive, catalogue__K_2=1.37 * stiffness_figures(drive)[0]["K_2"])
     monkeypatch.setattr("hdassist.features.mounting.posterior._DRAWS_A_TABLE", 1)
     few = hole_samples(agreeing, (), SETUP, draws=32, table=TableEffort(8, COARSE_MESH))
-    assert re.fullmatch(r"effective sample size [\d.]+ of 16 draws, 16 required", few.few)
+    assert re.fullmatch(r"effective sample size [\d.]+ from 16 samples, 16 required", few.few)
     advice = advise_after(agreeing, [Trial(0.0, 73.0), Trial(120.0, 18.0)], SETUP, samples=few)
     assert any("the probability of the choice is approximate" in warning for warning in mount_warnings(advice))
     assert hole_samples(drive, (), SETUP, draws=16, table=TableEffort(8, COARSE_MESH)).few == ""

@@ -233,7 +233,7 @@ def test_report_states_any_hole_if_no_hole_is_better():
 @pytest.mark.parametrize(
     ("args", "code", "words"),
     [
-        (["-o", "report.pdf"], 2, "invalid name of a report: 'report.pdf'"),
+        (["-o", "report.pdf"], 2, "invalid report name: 'report.pdf'"),
         (["-o", "kept.html"], 2, "kept.html exists"),
         (["-o", "none/report.html"], 4, "there is no directory"),
         (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "out of range"),

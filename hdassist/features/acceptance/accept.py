@@ -109,9 +109,9 @@ def _require_value(
     # at least one limit has a value, or --strict reports the missing ones as INCONCLUSIVE
     if predictions is not None or len(unmeasured) < len(limits) or request.strict:
         return
-    hint = " ".join(limit.option for limit in limits)
+    hint = f"use {' '.join(limit.option for limit in limits)}"
     if request.measured_only:
-        hint += "; or leave out --measured-only"
+        hint += ", or leave out --measured-only"
     raise DataError(f"{drive.name}: none of the limits has a measured value", hint)
 
 
@@ -227,7 +227,7 @@ def _open_by_sharing(decision: DecidedCheck, others: Sequence[str]) -> DecidedCh
     """Return a decision with the verdict INCONCLUSIVE if it is based on a recording shared with other drives."""
     if decision.basis != "measured":
         return decision
-    reason = f"the same recording was also given for {', '.join(others)} (--shared-records)"
+    reason = f"the same recording was also given for {', '.join(others)}; --shared-records permits this"
     return replace(decision, verdict=Verdict.INCONCLUSIVE, reason=reason)
 
 
@@ -269,7 +269,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
         lines = dict.fromkeys(f"{line.per_cam_rev:.3f}" for direction in directions for line in direction.lines)
         if lines:
             rise = max(direction.range.rise for direction in directions)
-            in_another_cycle = f"; F'_ior may be {rise:.3g}″ larger in another cycle" if rise else ""
+            in_another_cycle = f"; F'_ior may be up to {rise:.3g}″ larger in another cycle" if rise else ""
             yield Note("LINES", f"{place}: components at {', '.join(lines)} per input revolution{in_another_cycle}")
         assumed = [note for note in measurement.notes if NO_UNIT in note]
         yield from (Note("RECORD", f"{place}: {text}") for text in (*measurement.warnings, *assumed))
@@ -284,7 +284,7 @@ def _coverage_text(directions: Sequence[SweepResult]) -> str:
     """Return a text with the share of the full cycle covered by each direction that does not cover all of it."""
     shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
     texts = [f"{100 * share:.3g} % of the full mesh cycle covered" for share in shares]
-    return " and ".join(texts) or "unknown cycle"
+    return " and ".join(texts) or "full mesh cycle unknown"
 
 
 def _of_decisions(
@@ -360,7 +360,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
             raise
         function = traceback.extract_tb(bug.__traceback__)[-1].name
         message = f"internal error: {type(bug).__name__}: {bug} ({function})"
-        hint = "report this bug in hdassist, with the traceback that --debug shows"
+        hint = "report this bug in hdassist, with the traceback shown by --debug"
         return failure_of(row, HdassistError(message, hint))
 
 

@@ -369,8 +369,8 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
     recorded[answer.request.preset] = answer.preset.sha256
     for file in answer.request.files():
         if file == "-":
-            message = "the preset or a file was read from standard input and is not available any more"
-            return DataError(message, "save it as a file, and run accept with the file")
+            message = "the preset or a file was read from standard input and is no longer available"
+            return DataError(message, "save the input in a file, and run hdassist accept with that file")
         if answer.error:
             continue
         try:

@@ -52,9 +52,10 @@ from hdassist.run.files import number_of, with_decimal_points
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 
-_MAY_BE = "F'_ior of the full cycle may be up to {:.4g}″ (95 %)"
+_MAY_BE = "F'_ior over the full mesh cycle may be up to {:.4g}″ (one-sided 95 % bound)"
 OF_TRAVEL = (
-    "the prediction is for the full mesh cycle: F'_ior over acceptance.travel may be smaller and requires a recording"
+    "the prediction applies to the full mesh cycle; F'_ior over acceptance.travel may be smaller, and only a recording "
+    "shows it"
 )
 _Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
@@ -443,10 +444,10 @@ class CoveredCycle(ClosedRecord):
         if self.record_next_deg is None:
             return ""
         if self.record_direction:
-            return "; to narrow it, record the {} direction over {:.0f} to {:.0f}° of the output".format(
+            return "; next, record output angles from {1:.0f} to {2:.0f}° with {0} input angle".format(
                 self.record_direction, *self.record_next_deg
             )
-        return "; to narrow it, record the output from {:.0f} to {:.0f}°".format(*self.record_next_deg)
+        return "; next, record output angles from {:.0f} to {:.0f}°".format(*self.record_next_deg)
 
 
 @dataclass(frozen=True)
@@ -672,8 +673,8 @@ def _below(accepted: AcceptedValue) -> float:
 # reasons why a value with one of these extents is inconclusive
 _OPEN_EXTENTS: dict[Extent | None, str] = {
     "not known": "the uncertain inputs were not sampled",
-    "scatter not known": "each position was approached only once, so scatter may increase the range",
-    "part": "the value covers only a part of the cycle",
+    "scatter not known": "each position was approached only once, so scatter may have increased the range",
+    "part": "the value was measured over only part of the cycle",
 }
 
 
@@ -695,7 +696,7 @@ def _verdict(
     if accepted.extent == "between torques":
         return Verdict.INCONCLUSIVE, "there is no recording at this torque, only at lower and higher torques"
     if room is None:
-        return Verdict.INCONCLUSIVE, "neither the recording nor a reported value (--value) gives this value"
+        return Verdict.INCONCLUSIVE, "there is no value from a recording and no reported value (--value)"
     if accepted.belief:
         return _verdict_by_probability(accepted.belief, accepted.extent, sure)
     if accepted.extent in _OPEN_EXTENTS:
@@ -729,7 +730,7 @@ def _verdict_beyond(accepted: AcceptedValue, room: float) -> tuple[Verdict, str]
         # the rule rejects the value although the lower end of its interval is within the limit
         return (
             Verdict.FAIL,
-            f"the estimate {accepted.value:.4g} exceeds the limit according to the decision rule of the plan",
+            f"the decision rule of the test plan rejects the estimate, {accepted.value:.4g}″",
         )
     return Verdict.FAIL, ""
 
@@ -756,7 +757,7 @@ def _why_open(
         return reason
     names = ", ".join(accepted.unstated)
     options = ",".join(f"{name}=U" for name in accepted.unstated)
-    return f"no uncertainty is stated for {names}: use --budget {options}, U in ″, or 0 for a source without effect"
+    return f"no standard uncertainty is stated for {names}: use --budget {options} (in ″; 0 for a source without effect)"
 
 
 def _why_within_guard(
@@ -785,7 +786,7 @@ def _why_within_guard(
     rise = accepted.rise if is_strict else 0.0
     is_within_guard_band = room - rise < guard
     if is_within_guard_band and rise:
-        return f"within the guard band, if spectral lines add {rise:.3g}″ in another cycle"
+        return f"within the guard band if spectral lines add up to {rise:.3g}″ in another cycle"
     return "within the guard band" if is_within_guard_band else ""
 
 
@@ -804,11 +805,11 @@ def _why_bound_is_open(
     at_most = accepted.at_most
     value = accepted.value or 0.0
     if at_most is None:
-        why = cycle.why_open + cycle.advice if cycle else "only a part of the cycle was recorded"
+        why = cycle.why_open + cycle.advice if cycle else "only part of the cycle was recorded"
         return f"the measured range is a lower bound: {why}"
     room_of_end = room - (at_most - value)
     if cycle is not None:  # the upper end of the model includes the uncertainty
         return _MAY_BE.format(at_most) + cycle.advice if room_of_end < 0 else ""
     if room_of_end < guard * at_most / max(value, 1e-9):
-        return f"the measured range is a lower bound: F'_ior of the full cycle may be up to {at_most:.4g}″"
+        return f"the measured range is a lower bound: F'_ior over the full mesh cycle may be up to {at_most:.4g}″"
     return ""

@@ -75,7 +75,7 @@ F_IOR, ORDER_CHECK = (next(check for check in CHECKS if check.code == code) for 
 
 _ORDER_PREFIX = "order_"
 _LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
-_HINT = f"use NAME=VALUE with NAME one of {', '.join(_LIMIT_KINDS)}, or order_2, order_4 ..."
+_HINT = f"use NAME=VALUE; NAME is one of {', '.join(_LIMIT_KINDS)}, or an order, for example order_2"
 _USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 _PER_TORQUE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "limits")
 _OF_DRIVE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "number")

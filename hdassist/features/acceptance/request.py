@@ -185,8 +185,8 @@ class Request(ClosedRecord):
                 raise UsageError(f"--measured {text}: the torque is missing", f"write one of {named}")
             # a second recording would replace the first one
             if torques[0] in files:
-                message = f"two recordings at {torques[0]:g} N*m"
-                raise UsageError(message, "give one recording for each torque; join repeated runs in one file")
+                message = f"--measured names two recordings at {torques[0]:g} N*m"
+                raise UsageError(message, "give one recording for each torque; combine repeated runs in one file")
             files[torques[0]] = file
         return files
 
@@ -218,7 +218,7 @@ class Request(ClosedRecord):
                 recorded |= self._at_positions(record.table, error_range, quantities, M_g, drive)
             else:
                 message = f"{record.table.file}: F'_ior cannot be computed from a torque loop"
-                hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+                hint = "compute its quantities with hdassist measure, and pass them to hdassist accept with --value NAME=VALUE±U"
                 raise DataError(message, hint)
         for limit in stated:
             # a value and a recording for the same limit may contradict each other
@@ -529,7 +529,7 @@ def _columns(table: CellTable) -> list[_Column | None]:
         columns.append(column)
     # if no column fits, the table is of another kind
     if len(findings) == len(table.names) > 1:
-        remedy = f"for a recording use hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
+        remedy = f"for a recording, use hdassist measure {table.file} or hdassist accept PRESET --measured TORQUE={table.file}"
         raise DataError(f"{table.file}: no column has a name that is valid in a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
@@ -559,7 +559,7 @@ def _column(name: str) -> _Column:
     hint = (
         REMOVED.get(name)
         or near_miss(name, possible_names)
-        or "use F_ior@80, limit F_ior@80, section.key, or note for a column to ignore"
+        or "name the column F_ior@80, limit F_ior@80 or section.key, or note if it is to be ignored"
     )
     raise InvalidValueError("not a column of a lot", hint)
 
@@ -658,7 +658,7 @@ class _RowReader:
         column: field of its column, None if the column is ignored.
         """
         if cell.text and not name:
-            hint = "put a cell that contains a comma in quotes"
+            hint = "enclose a cell that contains a comma in quotation marks"
             self.note_fault(cell.column, "", "a cell in a column without a name", cell.text, hint)
         if not cell.text or column is None:
             return
@@ -704,12 +704,12 @@ class _RowReader:
         if not serial:
             self.parts["serial"] = f"line {self.line}"
             if self.has_serials:
-                hint = "give each drive a serial, or leave out the column"
+                hint = "give each drive a serial number, or leave out the column"
                 self.note_fault(1, "serial", "missing", hint=hint)
             return
         equal_lines = [line for line in lines.get(serial, ()) if line != self.line]
         if equal_lines:
-            message = f"is also in line {shortened(equal_lines)}"
+            message = f"also used in line {shortened(equal_lines)}"
             self.note_fault(1, "serial", message, serial, "write one row for each drive")
 
     def row(self) -> LotRow:
@@ -726,7 +726,7 @@ class _RowReader:
             wheels=replace(self.base.wheels, **wheels),
         )
         if not request.preset:
-            hint = "add a column preset, or use --preset NAME for all rows"
+            hint = "add the column preset, or use --preset NAME for all rows"
             self.note_fault(1, "preset", "missing", hint=hint)
         return LotRow(
             request=request,

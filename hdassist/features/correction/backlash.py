@@ -22,8 +22,8 @@ _HEIDENHAIN_AXES = 9
 _HEIDENHAIN_LARGEST_DEG = 1.0
 
 NO_COMPENSATION = {  # controllers without backlash compensation and without a table of points, and the reasons
-    "fluidnc": "FluidNC has no backlash compensation and no table of points (its developers decline both)",
-    "grbl": "grbl has no backlash compensation and no table of points; grblHAL has a backlash setting (grblhal)",
+    "fluidnc": "FluidNC supports neither backlash compensation nor compensation tables; its developers have declined both",
+    "grbl": "grbl supports neither backlash compensation nor compensation tables; grblHAL (grblhal) has a backlash setting",
 }
 
 
@@ -105,21 +105,21 @@ BACKLASH_FORMATS = {
         line=_duet,
         comment=";",
         setup="add the line to config.g; the unit of the axis must be degrees of output rotation",
-        why_no_table="RepRapFirmware has no such table (its issue 469 requests one)",
+        why_no_table="RepRapFirmware does not support such tables (requested in its issue 469)",
     ),
     "grblhal": BacklashFormat(
         name="grblHAL",
         line=_grblhal,
         comment=";",
         setup="use a build with backlash compensation; the unit of the axis must be degrees of output rotation",
-        why_no_table="no such table was found in grblHAL and its plugins",
+        why_no_table="no support for such tables was found in grblHAL or its plugins",
     ),
     "heidenhain": BacklashFormat(
         name="HEIDENHAIN TNC 426, 430",
         line=_heidenhain,
         comment=";",
-        setup="enter it in the machine parameters; positive, because the encoder of the motor is ahead of the output",
-        why_no_table="the consulted manuals do not show the lines of a .COM file",
+        setup="enter the line in the machine parameters; the value is positive because the motor encoder leads the output",
+        why_no_table="the consulted manuals do not describe the lines of a .COM file",
     ),
 }
 
@@ -169,11 +169,11 @@ def backlash_file(
         f"hdassist {__version__}: backlash compensation, {controller.name}, axis {axis}",
         source,
         f"lost motion at {backlash.torque_Nm:g} N*m: {backlash.arcsec:.2f} +- {expanded:.2f} arcsec (k = 2)",
-        "not compensated: the departure of the lost motion from its mean, up to "
-        f"{backlash.departure_arcsec:.2f} arcsec, and the error within each direction",
+        f"not compensated: the deviation of the lost motion from its mean (up to {backlash.departure_arcsec:.2f} arcsec) "
+        "and the kinematic error in each direction",
     ]
     if backlash.has_lag:
-        about.append("a lag between the encoders may be part of the lost motion: record two speeds to remove the lag")
+        about.append("the lost motion may include a lag between the encoders: record at two speeds to remove the lag")
     about.append(f"setup: {controller.setup}")
     lines = [*(f"{controller.comment} {text}" for text in about), controller.line(backlash, axis)]
     return "\n".join([*lines, ""]), "\n".join([*about, ""])

@@ -276,7 +276,7 @@ def correct(
         # drives cannot be fitted to errors of unknown size
         if any(record.scale_uncertainty for record in records.values()):
             message = (
-                "a recording of part of the cycle needs a known guide rate, which determines the size of the error"
+                "the guide rate, which sets the scale of the error, must be known for a recording of part of the cycle"
             )
             raise UntrustedError(message, "state the guide rate: --guide-rate ARCSEC/S")
         # the number of draws is even because they are made in pairs of opposite signs
@@ -841,8 +841,8 @@ def correction_alone(
     # a table over the input can use sampled errors that agree with part of the cycle
     is_drawn = is_over_input and (sweep.is_bound or found.is_of_travel)
     if sweep.is_bound and not is_drawn:
-        share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
-        message = f"{found.trace.file}: the recording covers {share}, which does not resolve closely spaced components"
+        share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "less than a full cycle"
+        message = f"{found.trace.file}: the recording covers {share}, so it does not resolve closely spaced components"
         hint = (
             "record the full mesh cycle, use a table over the input (--form cam), state the travel (--travel DEG), "
             "or use a preset: hdassist compensate PRESET FILE"
@@ -1047,14 +1047,14 @@ def _cause_text(row: int, off_turns: float) -> str:
     off_turns: offset of the zero [input revolutions].
     """
     if row == 2:
-        return "the correction is not on"
+        return "the correction is not active"
     turns = round(off_turns)
     off_deg = 360 * (off_turns - turns)
     causes = []
     if row == 1:
         causes.append("the sign of the correction is wrong")
     if abs(off_deg) > _IN_ZERO_DEG:
-        causes.append(f"the zero of the correction is off by {abs(off_deg):.0f}° of the input")
+        causes.append(f"the zero of the correction is off by {abs(off_deg):.0f}° of input rotation")
     if turns:
         causes.append(f"{abs(turns)} input revolutions are lost")
     return ", ".join(causes)

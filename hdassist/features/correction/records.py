@@ -352,8 +352,8 @@ def require_fine_counts(measurement: Measurement) -> None:
         return
     u = next((source.arcsec for source in sweep.sources if source.name == "resolution"), None) or 0.0
     if COVERAGE_FACTOR * u > _MOST_ROUNDED * sweep.range.value:
-        counts = f"the output is read at even angles, in steps of up to {trace.step_arcsec:.3g}″"
-        rounding = f"a correction would store the rounding, u = {u:.2g}″ of {sweep.range.value:.4g}″"
+        counts = f"the output is sampled at even angles, in steps of up to {trace.step_arcsec:.3g}″"
+        rounding = f"a correction would store the rounding error (u = {u:.2g}″; F'_ior is {sweep.range.value:.4g}″)"
         raise UntrustedError(
             f"{trace.file}: {counts}; {rounding}",
             "sample both encoders at constant time intervals, not angles, or use an encoder with finer counts",

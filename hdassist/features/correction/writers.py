@@ -218,8 +218,9 @@ def poor_table(result: Correction, controller: ControllerFormat) -> str:
         for name, format_ in CONTROLLER_FORMATS.items()
         if "output" in format_.turns and (format_.most_points or points) >= points
     ]
-    refused_by = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} cannot store"
-    return f"{message}; --form output --points {points} halves the error{refused_by} (possible with {', '.join(able)})"
+    refused_by = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", but {controller.name} cannot store it"
+    halved = f"--form output --points {points} halves the error{refused_by}"
+    return f"{message}; {halved}. Formats that can store it: {', '.join(able)}"
 
 
 def controller_file(
@@ -258,7 +259,7 @@ def controller_file(
         f"the axis reading increases as the {shaft} rotates {way}, seen from the wave generator side",
         "subtract the error (actual minus ideal output angle)",
         *(
-            f"at {residual.M_g:g} N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected range "
+            f"at {residual.M_g:g} N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected residual range "
             f"{residual.p50:.2f} arcsec ({residual.p5:.2f} to {residual.p95:.2f}), without correction "
             f"{residual.uncorrected_p50:.2f}"
             for residual in table.promised
@@ -525,7 +526,7 @@ CONTROLLER_FORMATS = {
         name="plain CSV",
         turns=("output", "cam", "half-cam"),
         lines=_plain_csv,
-        setup="linear interpolation between rows; the first row follows the last",
+        setup="interpolate linearly between rows, and continue with the first row after the last",
         by_direction=True,
         step_arcsec=1e-5,
         comment="#",
@@ -575,7 +576,7 @@ CONTROLLER_FORMATS = {
         name="SINUMERIK 840D",
         turns=("output",),
         lines=_siemens,
-        setup="load with MD32700 ENC_COMP_ENABLE = 0, then set it to 1; MD38000 must exceed the number of points",
+        setup="load the file with MD32700 ENC_COMP_ENABLE = 0, then set it to 1; MD38000 must exceed the number of points",
         comment=";",
         comments_at=2,
     ),
@@ -583,14 +584,14 @@ CONTROLLER_FORMATS = {
         name="moteus",
         turns=("cam", "half-cam"),
         lines=_moteus,
-        setup="use moteus_tool --write-config and firmware with compensation_scale; the source reads the input angle",
+        setup="load with moteus_tool --write-config; the firmware needs compensation_scale, and the source the input angle",
         played=_moteus_played,
     ),
     "eqmod": ControllerFormat(
         name="EQMOD",
         turns=("cam", "half-cam"),
         lines=_eqmod,
-        setup="set gain x1, threshold 0 and northern hemisphere, and a decimal point in Windows",
+        setup="set gain x1, threshold 0 and the northern hemisphere; in Windows, set a point as decimal separator",
         played=_eqmod_played,
         comment="#",
     ),
@@ -598,7 +599,7 @@ CONTROLLER_FORMATS = {
         name="OnStepX",
         turns=("cam", "half-cam"),
         lines=_onstepx,
-        setup="set PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent",
+        setup="before sending the rows, set PEC_STEPS_PER_WORM_ROTATION to the number of motor steps above",
         played=_onstepx_played,
     ),
 }

@@ -76,7 +76,7 @@ class ArchiveEntry:
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
-_ENTRIES = RecordKind(_ENTRY, hint="the archive was changed or damaged; restore it from a copy")
+_ENTRIES = RecordKind(_ENTRY, hint="restore the archive from a backup, because it was changed or damaged")
 OWNER = KeptOwner(
     command="archive",
     version="",
@@ -107,7 +107,7 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
     for text in ",".join(texts).split(",") if texts else ():
         name, _, value = text.partition("=")
         if name not in _CONDITIONS or not value:
-            hint = f"use NAME one of {', '.join(_CONDITIONS)}, for example hole=h4,torque=80,date=2026-03-01"
+            hint = f"use the names {', '.join(_CONDITIONS)}; for example hole=h4,torque=80,date=2026-03-01"
             raise UsageError(f"invalid --conditions {text}: expected NAME=VALUE", hint)
         conditions[_CONDITIONS[name]] = value
     return conditions

@@ -147,7 +147,7 @@ class PositionRecord:
         """Return the error for an invalid remark, with its line."""
         entries = ((line.number, line.entry) for line in self.table.remarks)
         number, (_, text, column) = next((line, entry) for line, entry in entries if entry and entry[0] == key)
-        self.table.add(number, column, key, message, text, "keep the comment as hdassist plan wrote it")
+        self.table.add(number, column, key, message, text, "restore the comment that hdassist plan wrote")
         return PresetError(self.table.findings)
 
 
@@ -374,8 +374,8 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
     sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
     without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
     if sides and without_side:
-        message = f'the column "{names[without_side[0]]}" states no side, but other runs do'
-        raise table.fault(message, "write fwd or bwd into the name of each run, for example run 1 bwd [arcsec]")
+        message = f'the name of the column "{names[without_side[0]]}" states no side, but those of other runs do'
+        raise table.fault(message, "add fwd or bwd to the name of each run, for example run 1 bwd [arcsec]")
     # if no run states a side, all runs are forward
     return sides or dict.fromkeys(without_side, 1)
 
@@ -402,7 +402,7 @@ def _positions_of_runs(
     are_angles = [table.roles[column] in _ANGLE_ROLES for column in runs]
     has_angles = any(are_angles)
     if has_angles and not all(are_angles):
-        raise table.fault("some runs contain deviations, others contain angles", "write all runs in the same way")
+        raise table.fault("some runs contain deviations, others contain angles", "use either deviations or angles in all runs")
     _require_columns(form, has_angles=has_angles)
     target = table.in_unit(target_column, "target", "deg", units[0] if units else None, "--angle-unit")
     readings = []
@@ -435,7 +435,7 @@ def _note_unused(table: NumberTable, used: set[int]) -> None:
     """
     unused = [name for column, name in enumerate(table.names) if column not in used]
     if unused:
-        table.notes.append(f"not used: {', '.join(unused)}")
+        table.notes.append(f"columns not used: {', '.join(unused)}")
 
 
 def _from_any_zero(off_arcsec: Array) -> Array:
@@ -591,7 +591,7 @@ def position_quantities(
     """
     count = len(record.target_arcsec)
     if count < 2:
-        hint = "approach at least two positions, better 12 or 211, or one position from both sides"
+        hint = "approach at least two positions (preferably 12 or 211), or one position from both sides"
         raise DataError(f"{record.table.file}: only one approach of one position", hint)
     approaches = _Approaches.of(record)
     drawn = _DrawnFigures.of(approaches, seed, draws)

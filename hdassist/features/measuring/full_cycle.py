@@ -93,15 +93,15 @@ def _direction_with_full_cycle(
 def reason_outside(result: Measurement, sweep: SweepResult) -> str:
     """Return the reason why the model does not apply to a direction of a measurement, empty if it applies."""
     if result.gearing is None or sweep.coverage is None:
-        return "the full cycle is unknown"
+        return "the length of the full mesh cycle is unknown"
     if result.gearing.travel:
-        return "F'_ior refers to a travel whose place in the cycle is unknown"
+        return "F'_ior refers to a travel whose position in the cycle is unknown"
     if sweep.is_scale_bound:
-        return "the declination of the guide star, which determines the size of the error, is unknown"
+        return "the declination of the guide star, which sets the scale of the error, is unknown"
     if sweep.direction == 0:
         return "both directions were combined"
     if result.trace.is_between_torques or len(sweep.fit.blocks) > 1 or _is_torque_changing(result, sweep):
-        return "the torque changes"
+        return "the torque varies during the recording"
     if sweep.coverage.share < _LEAST_SHARE:
         return f"less than {100 * _LEAST_SHARE:.0f} % of the cycle was recorded"
     if _blocks(sweep) > MOST_BLOCKS:
@@ -197,7 +197,7 @@ def _full_cycle_of(
     """Return F'_ior of the full cycle from samples of a direction, or the reason why it is not available."""
     figure = range_figure(posterior, seed=result.seed)
     if figure.whole_effective < _FEWEST_EFFECTIVE:
-        return "the model of the full cycle has too few effective samples"
+        return "the effective sample size of the model for the full cycle is too small"
     # Over a whole cycle, the model contains the waves that coarse readings and fitted orders omit. Over a part it
     # depends on its prior, so those sources of uncertainty remain.
     other_uncertainty = sweep.range.others
@@ -210,7 +210,7 @@ def _full_cycle_of(
         low = min(low, sweep.range.interval[0])
         at_least = min(at_least, sweep.range.value - GUARD * sweep.range.uncertainty)
     if high < sweep.range.value:
-        return "the model of the full cycle contradicts the range of the recorded part"
+        return "the upper end from the model for the full cycle is below the range of the recorded part"
     with_lines = sweep.range.value + _rise_by_lines(sweep, posterior)
     # the chain of the model stays with the lower one of two orders that the readings do not distinguish
     with_images = sweep.range.value + image_change(sweep.fit, sweep.grid_turns, is_likely=True)

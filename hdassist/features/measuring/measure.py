@@ -70,20 +70,24 @@ _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 _SHORTEST_TURNS = 1.0  # input revolutions that one direction must cover
 DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}  # direction of the input angle
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
-DRIFT_LEFT = "a linear drift of {:.3g}″ over the recording is not removed (--drift linear), as it may be a slow order"
+DRIFT_LEFT = (
+    "a linear drift of {:.3g}″ over the recording is not removed, because it may be a slow order; --drift linear removes it"
+)
 _DRIFT_OFF = (
-    "the cycle does not close, so a linear drift of {:.3g}″ is removed. With the drift, the curve spans {:.1f}″; "
-    "check the ratio"
+    "the curve does not close over the cycle, so a linear drift of {:.3g}″ is removed. With the drift, the range would "
+    "be {:.1f}″; check the ratio"
 )
 _WIND_UP_LEFT = (
-    "the torque follows the output angle, but its wind-up is not removed: use --drive PRESET with catalogue.K_1 to K_3"
+    "the torque varies with the output angle, but the resulting wind-up is not removed: use --drive with a preset that "
+    "contains catalogue.K_1 to K_3"
 )
 _CHANGES_LEFT = (
-    "the recording does not show how the orders change with the torque, which may be part of F'_ior: "
+    "the recording does not show how the orders change with the torque, and this change may contribute to F'_ior: "
     "record a sweep at each torque"
 )
 _STRAIGHT = (
-    "F'_ior at {:g} N·m is interpolated linearly from {:.3g} to {:.3g} N·m: the recording does not show a curvature"
+    "F'_ior at {:g} N·m is interpolated linearly between {:.3g} and {:.3g} N·m: the recording does not show whether "
+    "the dependence on torque is linear"
 )
 _RECORDED_TORQUE = 0.1  # distance from a recorded torque that needs no interpolation, as a share of their range
 _CYCLES_OF_RATIO = 1.2  # full cycles from which a recording shows whether its sidebands are those of the ratio
@@ -181,7 +185,7 @@ class SweepResult:
         if self.by_model is None:
             return self.sources
         by_model = self.by_model.standard_uncertainty_arcsec
-        model = UncertaintySource("model", by_model, "noise and waves of the teeth, by the model of the recording")
+        model = UncertaintySource("model", by_model, "noise and tooth waves, from the model of the recording")
         return (model, *(source for source in self.sources if source.name not in SCATTER))
 
     @property
@@ -451,7 +455,7 @@ class _RecordUnderway:
         results = [self._result(sign) for sign in signs]
         directions = [result for result in results if result is not None]
         if not directions:
-            hint = "F'_ior needs at least one input revolution; check that the angle is the input angle, and its unit"
+            hint = "record at least one input revolution in one direction; check the column and the unit of the input angle"
             raise DataError(f"{self.trace.file}: less than one input revolution in one direction", hint)
         return sorted(directions, key=lambda sweep: -sweep.range.value)
 
@@ -472,7 +476,7 @@ class _RecordUnderway:
         result = self._sweep_result(sign, fit, drift_left, torque_miss)
         if not fit.unmodelled < _UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
-            self.warnings.append(f"error beyond the declared orders, {size}: declare more orders, or remove a drift")
+            self.warnings.append(f"the declared orders leave an error of {size}: declare more orders, or remove a drift")
         shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, self.gearing)
         return replace(result, shafts=shafts)
 
@@ -705,8 +709,8 @@ class _RecordUnderway:
         drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
         wind_up = self.torque.uncertainty_arcsec if self.torque and self.torque.by == "catalogue" else 0.0
         return (
-            UncertaintySource("drift", drift / sqrt(3), "departure of the drift from a straight line"),
-            UncertaintySource(WIND_UP, wind_up, "catalogue stiffnesses by which it was removed"),
+            UncertaintySource("drift", drift / sqrt(3), "deviation of the drift from a straight line"),
+            UncertaintySource(WIND_UP, wind_up, "catalogue stiffnesses used to remove it"),
         )
 
     def _error_sources(
@@ -858,7 +862,7 @@ def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
     """Raise UntrustedError if the output readings have steps so coarse that rounding looks like error."""
     if trace.in_time and trace.step_arcsec > _COARSE_STEP * F_ior.value:
         size = f"{trace.step_arcsec:.2g}″"
-        message = f"the output is read in steps of {size} at even angles, and the rounding looks like an error"
+        message = f"the output is sampled at even angles in steps of {size}, so rounding cannot be distinguished from error"
         hint = "sample both encoders at constant time intervals"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
@@ -879,12 +883,12 @@ def _require_clear(
     uncertainty = combined(by_recording)
     if fit.clear_of_noise and F_ior.value > COVERAGE_FACTOR * uncertainty:
         return
-    hint = "record longer or with less noise, and check the column"
+    hint = "record longer or with less noise, and check the column of the error"
     if is_drifting:
-        hint = "the recording drifts; use --drift linear"
+        hint = "use --drift linear, because the recording drifts"
     if BY_ORDER in trace.notes:
         hint = f"{BY_ORDER} in arcsec; if the second column is an encoder at the output, use --second 2"
-    message = f"F'_ior of {max(F_ior.value, 0.0):.3g}″ is not above its noise, u = {uncertainty:.3g}″"
+    message = f"F'_ior of {max(F_ior.value, 0.0):.3g}″ does not exceed its noise (u = {uncertainty:.3g}″)"
     raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
 
@@ -926,8 +930,8 @@ def _declared(
         message = f"{trace.file}: steps of {step_deg:.3g}° are too long for order {declared[-1]:g}"
         hint = f"use smaller steps, or declare orders up to {highest:.2g} with --orders"
         raise UntrustedError(message, hint, Fault.ORDERS_UNTOLD)
-    limit = f"orders up to {resolved[-1]:g} only"
-    notes.append(f"{limit}: the angle steps do not resolve higher orders, which may appear as lower ones")
+    limit = f"only orders up to {resolved[-1]:g} are fitted"
+    notes.append(f"{limit}: the angle steps do not resolve higher orders, which may appear as lower orders")
     return resolved
 
 
@@ -957,10 +961,10 @@ def _fit(
         with suppress(UntrustedError):
             fit = fit_orders(bins, orders, slow)
             if number:
-                notes.append(f"{beats} sidebands on each side of an order: too few angles for {BEATS}")
+                notes.append(f"only {beats} sidebands on each side of an order are fitted: too few angles for {BEATS}")
             return fit
     if len(without_sidebands) < len(declared):
-        notes.append(f"orders closer than 1/{turns:.3g} combined: the recording does not resolve them")
+        notes.append(f"orders less than 1/{turns:.3g} apart are combined, because the recording does not resolve them")
     notes.append("sidebands at the output frequency are not resolved and are included in the orders")
     return fit_orders(bins, without_sidebands, slow)
 
@@ -1029,11 +1033,11 @@ class Reading(ClosedRecord, TraceForm):
         result = self.measured_or_bench(file, drive, ratio, **how)
         if not isinstance(result, Measurement):
             kind = "approached positions or a torque loop, not a recording of angles and errors"
-            hint = "compute its figures with hdassist measure; pass them to accept with --value NAME=VALUE±U"
+            hint = "compute its quantities with hdassist measure, and pass them to hdassist accept with --value NAME=VALUE±U"
             raise DataError(f"{result.table.file}: {kind}", hint)
         require_recorded(result.trace, how.get("M_g"))
         if result.trace.is_lower_bound:
-            message = "the declination of the guide star, which determines the size of the error, is unknown"
+            message = "the declination of the guide star, which sets the scale of the error, is unknown"
             raise DataError(f"{result.trace.file}: {message}", "state the declination: --declination DEG")
         return result
 

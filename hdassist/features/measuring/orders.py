@@ -58,8 +58,8 @@ _RESOLVED_SHARE = 0.5  # a recording determines an amplitude if its 95 % interva
 WHOLE_TURN = 0.97  # share of an output revolution from which a recording resolves its sidebands
 _TRAVEL_GAP = 0.6  # distance of the orders of a travel, as a share of the resolution
 _TRAVEL_RIDGE = 1e-7  # ridge of the normal equations of a travel: it moves the curve by less than its noise
-_LINE_CAUSE = "no order of the drive, or not resolved from an order: ball pass, cage, test rig"
-_BEAT_CAUSE = "sidebands of an order, or a line: a part of an output revolution does not resolve them"
+_LINE_CAUSE = "not an order of the drive, or not resolved from one: ball pass, cage, test rig"
+_BEAT_CAUSE = "sidebands of an order, or a separate line: part of an output revolution does not resolve them"
 LINE_WIDTH = 1.5  # half-width of the spectral peak of one wave, in units of the resolution
 _RIG_CAUSES = {  # causes in the test rig, by their number of periods per output revolution
     1.0: "once per output revolution: drive, encoder, coupling, gravity",
@@ -69,7 +69,7 @@ _CAM_CAUSE = "once per input revolution: drive, input encoder"
 LARGEST_UNCERTAINTY = 1e6  # arcsec: largest uncertainty that may be stated
 STATED = {  # sources that a single recording cannot show
     "encoder": "graduation of the output encoder, once per output revolution; eccentricity of the input encoder",
-    "coupling": "eccentricity of the output coupling: looks like an error once per output revolution",
+    "coupling": "eccentricity of the output coupling, which appears as an error once per output revolution",
     "reseating": "removal of the drive from the test rig and reinstallation",
     "temperature": "temperature of drive and test rig (operation.dT)",
 }
@@ -614,11 +614,11 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
         name, _, number = text.partition("=")
         value = number_of(number)
         if name not in STATED or name in stated or not 0 <= value <= LARGEST_UNCERTAINTY:
-            expected = f"NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
+            message = f"invalid --budget {text}: expected NAME=ARCSEC, from 0 to {LARGEST_UNCERTAINTY:g}"
             if name in stated:
-                expected = "each source only once"
-            hint = f"state a standard uncertainty of F'_ior, with NAME one of {', '.join(STATED)}"
-            raise UsageError(f"invalid --budget {text}: expected {expected}", hint)
+                message = f"--budget {name} is given more than once"
+            hint = f"state a standard uncertainty of F'_ior; NAME is one of {', '.join(STATED)}"
+            raise UsageError(message, hint)
         stated[name] = value
     return stated
 
@@ -639,8 +639,8 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
     if trace.dithered or trace.step_arcsec / 2 < scatter:
         if trace.in_time and trace.cam_step_arcsec:
             by_input = 2 * trace.cam_step_arcsec / sqrt(12)
-            return UncertaintySource("resolution", by_input, "counts of the input at even angles")
-        return UncertaintySource("resolution", 0.0, "no step seen above the noise")
+            return UncertaintySource("resolution", by_input, "input counts, with sampling at even angles")
+        return UncertaintySource("resolution", 0.0, "reading steps hidden by noise")
     if trace.in_time:
         # at even angles, rounding repeats from revolution to revolution, and the extremes may err in opposite
         # directions

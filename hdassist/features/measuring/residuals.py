@@ -506,14 +506,14 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
         return None
     spike_rows = trace.rows[spikes]
     lines = shortened(trace.line[spike_rows].tolist(), _NAMED_LINES)
-    message = f"lines {lines}: {size[spikes].max():.3g}″ off the other readings"
+    message = f"lines {lines} deviate from the other readings by up to {size[spikes].max():.3g}″"
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
-        hint = "check the encoders' cables and counters"
+        hint = "check the cables and counters of the encoders"
         raise UntrustedError(f"{trace.file}: {message}, too many rows to be omitted", hint, Fault.ORDERS_UNTOLD)
     # at the end of a sweep backlash can explain a departure; within a sweep nothing can
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # the cause is not backlash or a lag at a reversal
-        hint = "check the encoders' cables and counters, or omit these rows with --robust"
+        hint = "check the cables and counters of the encoders, or omit these rows with --robust"
         raise UntrustedError(
             f"{trace.file}: {message}, which no movement of a shaft explains", hint, Fault.ORDERS_UNTOLD
         )

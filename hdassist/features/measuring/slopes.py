@@ -372,7 +372,7 @@ def at_torque(
     if not is_kept.any():
         ranges = ", ".join(dict.fromkeys(_torque_text(load) for load in loads))
         message = f"{trace.file}: its column of torque contains {ranges} N·m, not {M_g:g}"
-        hint = f"select a recorded torque, or record at {M_g:g} N·m; rename the column if it contains another torque"
+        hint = f"select a recorded torque, or record at {M_g:g} N·m; rename the column if it does not contain the load torque"
         raise DataError(message, hint, Fault.FILE_INVALID)
     if not is_recorded:
         trace = replace(trace, is_between_torques=True)
@@ -381,7 +381,7 @@ def at_torque(
     rows_of_sweeps = trace.by_sweep(np.arange(len(trace.line)))
     kept_rows = np.concatenate([rows_of_sweeps[number] for number in np.flatnonzero(is_kept)])
     omitted_rows = np.setdiff1d(np.arange(len(trace.line)), kept_rows)
-    note = f"sweeps at other torques than {M_g:g} N·m left out: {np.sum(~is_kept)} of {len(is_kept)}"
+    note = f"{np.sum(~is_kept)} of {len(is_kept)} sweeps omitted, because their torque is not {M_g:g} N·m"
     return replace(trace.without(omitted_rows), notes=(*trace.notes, note))
 
 

@@ -314,7 +314,7 @@ class TraceDesign:
         self.columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * self.columns:
             message = f"{len(bins)} steps of the angle are too few for {self.columns} unknowns"
-            hint = "record more densely, or declare fewer orders: --orders 1,2,4"
+            hint = "record with smaller angle steps, or declare fewer orders: --orders 1,2,4"
             raise UntrustedError(message, hint, Fault.ORDERS_UNTOLD)
         starts = range(0, len(bins), DESIGN_CHUNK)
         self._parts = [slice(start, min(start + DESIGN_CHUNK, len(bins))) for start in starts]

@@ -1014,7 +1014,7 @@ def open_prior(drive: Drive) -> DrivePrior:
     if drive.number(size_path) or any(path not in (size, direction) for path in drive.uncertainty):
         pairs.append((size_path, "phases.phi_hh"))
     for group, turn in pairs:
-        reason = f"unknown in trials: up to {_WIDEST_SIZE:g} times the preset's value"
+        reason = f"unknown during trials: up to {_WIDEST_SIZE:g} times the value of the preset"
         if group not in priors:
             widest_size = _WIDEST_SIZE * drive.number(group)
             priors[group] = FieldPrior(

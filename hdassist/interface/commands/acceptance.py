@@ -191,7 +191,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         except UsageError as error:
             if error.fault is not Fault.FILE_EXISTS:
                 raise
-            hint = "--resume keeps its rows and computes the others; --force computes all rows again"
+            hint = "use --resume to keep its rows and compute the others, or --force to compute all rows again"
             raise UsageError(error.message, hint, error.fault) from None
 
 
@@ -439,7 +439,7 @@ class _LotAcceptance:
             self._compute(lot, stored, kept)
             repeated = self.faults.total() - len(self.faults)
             if repeated:
-                say(f"note: the same for {repeated} further row{'s' if repeated > 1 else ''}")
+                say(f"note: the same errors occur in {repeated} further row{'s' if repeated > 1 else ''}")
             if options.resume:
                 kept.rewrite(self.answers)  # leaves one result per row in the file, in order
         if options.jsonl:
@@ -463,8 +463,8 @@ class _LotAcceptance:
 
         def state() -> str:
             count = stored_count + kept.done - kept_before
-            where = f"are stored in {self.options.jsonl}; continue with the same command and --resume"
-            hint = where if self.options.jsonl else "are done but not stored; store them with --jsonl FILE"
+            where = f"are stored in {self.options.jsonl}; to continue, repeat the command with --resume"
+            hint = where if self.options.jsonl else "are done but not stored; use --jsonl FILE to store rows"
             return f"{count} of {len(lot.rows)} rows {hint}"
 
         to_do = [row for row, answer in zip(lot.rows, stored, strict=True) if answer is None]

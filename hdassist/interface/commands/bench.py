@@ -274,7 +274,7 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
     count = round(360 / step) if LEAST_STEP <= step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
         message = f"invalid --step {step:g}: expected a divisor of 360 degrees, {LEAST_STEP:g} or more"
-        raise UsageError(message, "use 30 for a seat with 12 holes")
+        raise UsageError(message, "for a seat with 12 holes, use --step 30")
     grid = [360 * k / count for k in range(count)]
     if not drive.mounting.holes:
         return grid
@@ -356,8 +356,8 @@ class ArchiveOptions(o.OptionGroup):
             if not self.archive:
                 return
             is_new = add_to_archive(self.archive, conditions, measurement)
-            day = f" of {conditions['date']}" if "date" in conditions else ""
-            text = f"added as {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
+            day = f", {conditions['date']}" if "date" in conditions else ""
+            text = f"added for {self.serial}{day}" if is_new else f"already stored for {self.serial}; not added again"
             say(f"{self.archive}: {measurement.trace.file} {text}")
 
         return take
@@ -575,7 +575,7 @@ class ControllerOptions(o.OptionGroup):
             raise UsageError(f"--write {name}: {reason}", "hdassist compensate -h lists other controllers")
         if name in BACKLASH_FORMATS:
             backlash = BACKLASH_FORMATS[name]
-            message = f"--write {name}: no table of points for {backlash.name}, because {backlash.why_no_table}"
+            message = f"--write {name}: no table is written for {backlash.name}, because {backlash.why_no_table}"
             raise UsageError(
                 message,
                 "write the points with --csv FILE, or the backlash of a recording in both directions with "
@@ -608,7 +608,7 @@ class ControllerOptions(o.OptionGroup):
         if name not in BACKLASH_FORMATS or path in ("", "-"):
             return None
         if self.clockwise or self.zero or self.rows_from or self.steps_per_degree:
-            message = f"--write {name}: a backlash setting needs no sense and no zero"
+            message = f"--write {name}: a backlash setting has neither a direction nor a zero"
             raise UsageError(message, "leave out --clockwise, --zero, --rows-from and --steps-per-degree")
         take_output(path, force)
         return BACKLASH_FORMATS[name], path
@@ -753,7 +753,7 @@ class CompensateCommand(
         from hdassist.features.correction.records import require_fine_counts
         from hdassist.interface.pages.compensate import compensate_report
 
-        remedy = "for more files use a preset: hdassist compensate PRESET FILE..."
+        remedy = "for several files, use a preset: hdassist compensate PRESET FILE..."
         if len(self.torque) != 1 or self.files:
             raise UsageError("--ratio needs exactly one FILE and its --torque", remedy)
         if self.after or self.overrides or self.each_load:

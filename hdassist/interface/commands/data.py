@@ -240,9 +240,9 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
             )
         values = origin_counts(drive)
         warnings = drive.origin.warnings
-        verdict = f"valid, warnings: {len(warnings)}" if warnings else "OK"
+        verdict = f"valid; warnings: {len(warnings)}" if warnings else "OK"
         if values["assumed"]:
-            verdict += f", {values['assumed']} values are assumed"
+            verdict += f"; assumed values: {values['assumed']}"
         result = {"file": name, "valid": True, "values": values, "findings": []}
         line = verdict if len(self.presets) > 1 else f"{name}: {verdict}"  # several lines begin with names anyway
         return Report(
@@ -462,7 +462,7 @@ def surroundings(style: Style) -> DoctorFinding:
     style: style of standard output, determined before a progress bar redirects the stream.
     """
     cores = count(0)
-    kind = "a terminal" if sys.stdout.isatty() else "no terminal"
+    kind = "a terminal" if sys.stdout.isatty() else "not a terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
     return DoctorFinding("machine", "ok", f"{cores} core{'s' if cores > 1 else ''}; output: {kind}, {shown}")
 

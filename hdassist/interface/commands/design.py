@@ -232,7 +232,7 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self, out)
-            kept = f"are stored in {file}; the same command resumes" if file else "are done but not stored"
+            kept = f"are stored in {file}; repeat the command to resume" if file else "are done but not stored"
             # at_stop shows the message if the command is stopped
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 # rows are not kept in memory; collect() keeps only the figures for the page
@@ -443,7 +443,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         """Raise UsageError if recordings, options of recordings, or CSV are combined with presets."""
         # recordings and presets cannot be compared in one call
         if traces := [name for name in self.files if not is_preset(name)]:
-            message = f"cannot compare {traces[0]}, a recording, with {next(filter(is_preset, self.files))}, a preset"
+            message = f"cannot compare the recording {traces[0]} with the preset {next(filter(is_preset, self.files))}"
             raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
         # an option that has its default value counts as not given
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
@@ -558,7 +558,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             return ".md"
         kind = Path(self.output).suffix.lower()
         if kind not in _REPORT_SUFFIXES:
-            message = f"invalid name of a report: {self.output!r}"
+            message = f"invalid report name: {self.output!r}"
             raise UsageError(message, f"use a name that ends in {' or '.join(_REPORT_SUFFIXES)}")
         return kind
 
@@ -943,4 +943,4 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         if seconds > _SHORT_TIME:
             duration = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
             drives = len(productions) * most_drives
-            say(f"time: up to {duration} for at most {drives} random drives; -n sets the number of drives in a round")
+            say(f"time: up to {duration} for at most {drives} random drives; -n sets the number of drives per round")

@@ -65,14 +65,14 @@ SCREEN
 The top shows F'_ior (the peak-to-peak kinematic error over the full mesh cycle) at each torque: median, 5th and 95th \
 percentile over the uncertain inputs. It also shows the limit, the verdict of check, the margin from the 95th \
 percentile to the limit, and the probability that the limit is met. The change is relative to the preset, or to the \
-pinned drive; the best hole is shown with its F'_ior. Bars of the first torque look like ─◌─, of the second like ═▫═.
+pinned drive; the best hole is shown with its F'_ior. The bars of the first torque look like ─◌─, those of the second like ═▫═.
 
-After a change the previous result remains visible, marked old. Next to it is F'_ior of a typical drive before and \
-after the change.
+After a change, the previous result remains visible and is marked old. F'_ior of a typical drive before and after the \
+change is shown next to it.
 
 Holes: F'_ior with the fixed wheel in each hole. Holes are numbered counter-clockwise from hole 0, seen from the wave \
 generator side. Bars extend from the 5th to the 95th percentile, on one scale for all torques.
-N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
+N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o selected, │ limit.
 
 Why: the contributions of the inputs to the variance, the options, and the questions to clarify.
 
@@ -80,14 +80,15 @@ VERIFICATION OF A NUMBER
 REFINED ○ □  the extremes of the cycle were found by a search.
 PROVEN ● ■  every mesh position of the cycle was solved and verified.
 90 % RANGE ◌ ▫  median, and 5th to 95th percentile over the uncertain inputs.
-The card is that of mount, and it is written only if mount would write it for this drive.
+The card is the same as that of mount, and it is written only if mount would write one for this drive.
 
 INPUTS
-? uncertain, * changed here. After the value: a plausible step, and the resulting change of F'_ior [arcsec] for a \
-typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
+? uncertain, * changed here. The value is followed by a plausible step, and by the resulting change of F'_ior \
+[arcsec] for a typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
 differs come first, with the step to its value; then the fields with the largest change, in a sequence that stays \
 the same until o sorts them again.
-Enter edits; an empty value reverts a change. Numbers of teeth change together: 120, or the ratio, 60:1.
+Enter edits the field; an empty value reverts a change. Both numbers of teeth change together: enter one of them (120) \
+or the ratio (60:1).
 k changes x_b with W_0, so that the flank clearance remains the same.
 
 KEYS
@@ -98,8 +99,8 @@ Tab      next pane
 b        best hole
 0        present hole
 m        next torque, marked ▸ at the top
-e        enter known data of the drive: stiffness, F'_ior in a hole, a recording, a limit. With F'_ior in several \
-holes at the smallest torque, the recommendation is that of mount with measured values
+e        enter known data of the drive: a stiffness, F'_ior in a hole, a recording or a limit. If F'_ior is given in \
+several holes at the smallest torque, the recommendation is the same as that of mount with measured values
 Enter    edit a field
 + -      a step up or down
 o        inputs by group or by change
@@ -254,7 +255,7 @@ class _Exporting(Asking):
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""
         if not (report := self.known.page):
-            self.notify("no report before the result is complete", severity="warning")
+            self.notify("the report is not available before the result is complete", severity="warning")
             return
 
         def text(path: str) -> str:
@@ -265,7 +266,7 @@ class _Exporting(Asking):
             )
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
-        hint = ".html, or Markdown: the page of check; hdassist report includes mount and stiffness too"
+        hint = "a name that ends in .html, or any other name for Markdown; contains the page of check, but not mount or stiffness"
         self.ask_and_write_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
@@ -277,7 +278,7 @@ class _Exporting(Asking):
             self.notify("no field is changed, so there is nothing to save")
             return
         name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
-        hint = "comments and order of the original remain"
+        hint = "comments and order of the original are kept"
         saved = partial(setattr, self, "saved", self.session.changes)
 
         def changed_text(_path: str) -> str:
@@ -288,7 +289,7 @@ class _Exporting(Asking):
     def action_picture(self) -> None:
         """Write the screen as SVG."""
         picture = without_fonts(self.export_screenshot())
-        hint = "the present screen, as SVG"
+        hint = "the current screen as SVG"
         self.ask_and_write_file("picture", self.named(".svg"), hint, lambda _: picture)
 
     def action_copy(self) -> None:
@@ -299,7 +300,7 @@ class _Exporting(Asking):
     async def action_quit(self) -> None:
         """Quit; ask for confirmation if there are unsaved or undone changes."""
         command = self.session.command("explore")
-        question = f"Quit? This command, which is printed on leaving, restores the session:\n\n{command}"
+        question = f"Quit? The following command, which is also printed on exit, restores the session:\n\n{command}"
         # an undone change can be redone only in this session
         if self.session.changes != self.saved or self.session.future:
             self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)
@@ -313,7 +314,7 @@ def without_fonts(svg: str) -> str:
 
 
 _LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
-_TOO_SMALL = "too small for the explorer: at least 60 x 18. q quits."
+_TOO_SMALL = "The explorer needs at least 60 x 18 characters. Press q to quit."
 VIEWS = {
     "holes": "holes",
     "seat": "seat",
@@ -469,7 +470,7 @@ class Explorer(_Exporting):
             self.wanted.value,
             is_grouped=self.is_grouped,
         )
-        typical = ", of a typical drive"
+        typical = " of a typical drive"
         self.side.border_subtitle = f"change at {self.M_g:g} N·m, ″{typical if known.typical else ''}"
         seat = panes["seat"]
         drawing, seat.border_subtitle = seat_pane(session, letters, seat.scrollable_content_region.width)
@@ -625,7 +626,7 @@ class Explorer(_Exporting):
             self.notify(visible(message), severity="warning", markup=False)
             return
         if place == self.session.turn_deg:
-            self.notify(f"shown with the wheel in: {hole_words(place, self.session.drive.mounting.holes)}")
+            self.notify(f"already shown: F'_ior with the wheel in {hole_words(place, self.session.drive.mounting.holes)}")
         self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:

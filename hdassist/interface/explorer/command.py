@@ -64,7 +64,7 @@ class ExploreCommand(o.LimitedDriveOptions):
                 not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
                 or os.environ.get("TERM") == "dumb"
             ):
-                message = "the explorer needs a terminal that moves its cursor"
+                message = "the explorer needs a terminal with cursor control"
                 raise UsageError(message, f"in a script: {session.command()}")
             from hdassist.interface.explorer.service import Service
 
@@ -88,7 +88,7 @@ class ExploreCommand(o.LimitedDriveOptions):
             )
             app.run()
         if app.session.changes != session.changes:
-            for label, name in (("restore the session", "explore"), ("numbers of the drive", "check")):
+            for label, name in (("restore the session", "explore"), ("check this drive", "check")):
                 say(f"{label}: {app.session.command(name)}", whole=True)
         return app.return_code or 0
 

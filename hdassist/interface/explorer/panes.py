@@ -54,7 +54,7 @@ if os.environ.get("NO_COLOR"):
     _RED = "not dim"
 _LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
 _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "next"}
-_SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
+_SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "selected"}
 _LEAST_BAR = 14  # smallest width of a bar with ranges beside it, in columns
 _LEAST_PANE = 10  # smallest width of a pane with text, in columns
 _LEGEND_COLUMNS = 60  # smallest width of a pane with a legend beside the seat, in columns
@@ -526,7 +526,7 @@ def _check_columns(
     shown: its check, or the previous one.
     torque: index of the marked torque.
     """
-    basis = f"{shown.samples.effective:.0f} samples" if shown.samples else "every state"
+    basis = f"{shown.samples.effective:.0f} samples" if shown.samples else "every position"
     if shown is not known.check:
         basis = "old"
     if not known.whole:

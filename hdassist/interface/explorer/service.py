@@ -131,7 +131,7 @@ class Service:
                 process = await asyncio.shield(begun)
             except OSError as error:
                 message = f"cannot start a worker process: {error.strerror or error}"
-                yield "failed", HdassistError(message, limits_hint("see the limits of a process with ulimit -a"))
+                yield "failed", HdassistError(message, limits_hint("check the limits of a process with ulimit -a"))
                 return
             while process:
                 if not await wait_until_readable(process.connection, process.process.sentinel):

@@ -38,7 +38,7 @@ from hdassist.run.system import command_line
 
 _RULE_WORDS = {
     "guard": f"guard band of {GUARD:g} u on each side of the limit",
-    "simple": "simple acceptance up to the limit",
+    "simple": "simple acceptance, without a guard band",
 }
 _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV file with the figures of checks
     Quantity(name)
@@ -242,7 +242,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         "measured": f"measured: {_RULE_WORDS[answer.rule.measured]}",
         "stated": f"reported values: {_RULE_WORDS[answer.rule.measured]}",
         "predicted": f"predicted: PASS if the probability is at least {100 * answer.rule.sure:g} %; "
-        "a prediction is not a statement of conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
+        "a prediction is not a statement of conformity" + (f"; measured pitch deviations: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
         checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
@@ -276,12 +276,12 @@ def _facts(
         turns = travel * abs(kinematics.u) / 360
         whole_cycle = (
             f"the full mesh cycle of {kinematics.cycle_cam_revolutions} input revolutions; "
-            "a recording of less than a third of the cycle cannot give PASS"
+            "a recording of less than a third of the cycle cannot result in PASS"
         )
         if turns < kinematics.cycle_cam_revolutions:
             whole_cycle = (
                 f"the whole travel of {travel:g}° at the output ({turns:.4g} input revolutions); "
-                "a recording of a part cannot give PASS"
+                "a recording of only part of the travel cannot result in PASS"
             )
         yield "measure", whole_cycle
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
@@ -353,7 +353,7 @@ def _yield_words(summary: Mapping[str, Any]) -> str:
     """Return a sentence with the share of drives that pass, and its interval."""
     share = summary["yield"]
     if not share:
-        return "no drive passes or fails; the table gives the reasons"
+        return "no yield, because no drive has PASS or FAIL; the table gives the reasons"
     percent = percent_text(share["share"], share["low"], share["high"])
     return f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
 
@@ -363,7 +363,8 @@ def _comment_warnings(lot: Lot) -> list[str]:
     if not lot.remarks:
         return []
     label = "lines" if len(lot.remarks) > 1 else "line"
-    return [f"{lot.file}: read as comments, not as rows: {label} {shortened(lot.remarks)}"]
+    verb = "were" if len(lot.remarks) > 1 else "was"
+    return [f"{lot.file}: {label} {shortened(lot.remarks)} {verb} read as comments, not as drives"]
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
@@ -421,7 +422,7 @@ def _deciding(answer: AcceptAnswer, first_alike: AcceptAnswer) -> str:
         worst = _by_severity(_shown_checks(answer))[0]
         return "; ".join(filter(None, (_sentence(worst), worst.reason)))
     if answer is not first_alike:
-        return f"as {title(first_alike)}"
+        return f"same error as {title(first_alike)}"
     first, *further_lines = answer.error.message.splitlines()
     return first + (f" (and {len(further_lines)} more)" if further_lines else "")
 
@@ -441,7 +442,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     open_ = sorted({check.label for check in checks if _is_open(check)})
     yield (
         "measure",
-        f"{'; '.join(open_)}; a prediction or a part of the cycle is not sufficient" if open_ else "",
+        f"{'; '.join(open_)}; a prediction or a recording of part of the cycle is not sufficient" if open_ else "",
     )
     failed = _failed_by_F_ior(answers)
     if failed:
@@ -500,9 +501,9 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
     unnamed = len(named) - _NAMED_CHECKS
     text = f"a different hole may reduce F'_ior of {'; '.join(named[:_NAMED_CHECKS])}"
     if unnamed > 0:
-        text += f"; {unnamed} further"
+        text += f"; and of {unnamed} further drive{'' if unnamed == 1 else 's'}"
     if len(named) > 1:
-        text += '. The command under "next" is for the first of these drives'
+        text += '. The next command is for the first of these drives'
     return text
 
 
@@ -539,7 +540,7 @@ def replay_report(
     fault: error that prevents the replay, None if there is none.
     """
     differences = answer_differences(recorded, now) if now else []
-    outcome, code = ("differs", 3) if differences else ("agrees", 0) if now else ("left out", 0)
+    outcome, code = ("differs", 3) if differences else ("agrees", 0) if now else ("not replayed", 0)
     if fault:
         outcome = "cannot be replayed"
         code = fault.exit_code
@@ -547,7 +548,7 @@ def replay_report(
     return Report(
         command="accept-replay",
         drive=None,
-        head=f"{title(recorded)}, {recorded.status} of {recorded.time}{by}",
+        head=f"{title(recorded)}, {recorded.status} at {recorded.time}{by}",
         verdict=outcome,
         why=(fault.message,) if fault else tuple(map(str, differences)),
         values={
@@ -716,7 +717,7 @@ class _Suite:
         hint = f"hint: {error.hint}" if error.hint else ""
         explanation = f"what it means: hdassist explain {error.code}" if error.code else ""
         self.add_case(
-            "no answer",
+            "no result",
             "error",
             message=f"{status}: {error.message.splitlines()[0]}",
             kind=error.code or "INTERNAL",
@@ -736,7 +737,7 @@ class _Suite:
             )
             return
         # an open check is decided by a measurement, and for any other check explain gives the next action
-        action = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
+        action = f"measure it ({check.option})" if _is_open(check) else f"hdassist explain {check.code}"
         lines = (sentence, because, f"what to do: {action}")
         self.add_case(
             check.label,

@@ -248,7 +248,7 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 def _evidence_words(drive: Drive) -> str:
     """Return a text on the reference data that weight the samples, and how to omit a value; empty without data."""
     paths = [item.path for item in evidence_of(drive)]
-    return f"{', '.join(paths)}; --set {paths[-1]}= omits the last value" if paths else ""
+    return f"{', '.join(paths)}; to omit the last one, use --set {paths[-1]}=" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:
@@ -279,7 +279,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     return Curve(
         *shares_below(samples.sets_arcsec[:, :, check.governing].ravel(), samples.set_weights.ravel()),
         x_label="",
-        y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the drives, ″{line}",
+        y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the sampled drives, ″{line}",
         limit=point.left_arcsec,
         rows=2,
     )
@@ -370,7 +370,7 @@ def steps_tables(check: DesignCheck) -> Iterator[Table]:
     if questions:
         question_rows = tuple((_step_words(step, check.drive), _outcome_words(step, point)) for step in questions)
         title = f"questions to clarify, at {point.M_g:g} N·m ({value})"
-        yield Table(title, ("to clarify", f"{outcome}, for each reply"), question_rows)
+        yield Table(title, ("to clarify", f"{outcome}, for each answer"), question_rows)
 
 
 def steps_facts(check: DesignCheck, most_lines: int = _SCREEN_LINES) -> Iterator[Fact]:
@@ -442,11 +442,11 @@ def _step_words(step: Step, drive: Drive) -> str:
         return f"put the {texts().fixed_wheel(drive)} in {place}"
     if step.kind == "trials":
         # a seat with free angle has no holes
-        places = "holes" if holes else "directions"  # the mount command names them
+        places = "holes" if holes else "angles"  # the mount command names them
         count = _COUNTS[len(step.of.split(","))]
         return f"measure F'_ior in {count} {places} and use the best"
     return {
-        "correction": f"record the full cycle, store {step.of} correction terms",
+        "correction": f"record the full cycle and store {step.of} correction terms",
         "tolerance": f"reduce {step.of} by a third",
         "coupling": f"use an Oldham coupling (cam.coupling={step.of})",
         "accuracy": f"use a drive with an accuracy of {step.of}″ (catalogue.accuracy)",

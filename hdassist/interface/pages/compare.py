@@ -52,8 +52,8 @@ _PLOTTED_TURNS = 1.0  # number of input revolutions plotted before and after the
 _TABLED_ORDERS = 12  # number of orders in the table, chosen by amplitude
 _SHORT_PAGE = 5  # number of compared quantities on a short page
 _VERDICT_WORDS = {
-    "agrees": "agrees, no change of the preset is needed",
-    "mirrored": "mirrored, the file agrees clearly better with the opposite sign or sense",
+    "agrees": "agrees; the preset needs no change",
+    "mirrored": "mirrored; the recording agrees clearly better with the opposite sign or direction",
     "one": "explained by one deviation",
     "several": "explained by several deviations together",
     "unexplained": "unexplained",
@@ -178,14 +178,14 @@ def _why(result: Comparison) -> str:
         return f"Noise{single_teeth} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
         rms_arcsec = result.difference_rms_arcsec
-        return f"Difference {rms_arcsec:.2f}″ rms, {mirror.rms_arcsec:.2f}″ with {' '.join(_options(result))}"
+        return f"The difference is {rms_arcsec:.2f}″ rms, and {mirror.rms_arcsec:.2f}″ rms with {' '.join(_options(result))}."
     if best is None:
         return "No deviation explains the difference."
     explained = best.explained_share
     share = "a clear part of the difference" if explained is None else f"{100 * explained:.1f} % of the difference"
     if kind == "several":
-        deviations = f"{len(best.deviations)} deviations together, and no single one,"
-        return f"{deviations} explain {share}. The residual is consistent with noise."
+        deviations = f"{len(best.deviations)} deviations together explain {share}, and no single deviation does."
+        return f"{deviations} The residual is consistent with noise."
     fitted = named(best.deviations[0])
     # size and direction are omitted if the recording does not determine them
     if best.changes:
@@ -210,7 +210,7 @@ def _facts(result: Comparison) -> Iterator[Fact]:
             equally_good_words = f"{', '.join(equal_deviations)}; the recording does not distinguish these deviations"
         yield "or", equally_good_words
     if joint and joint.not_told_apart:
-        yield "together", f"the recording does not resolve {'; '.join(map(', '.join, joint.not_told_apart))}"
+        yield "together", f"the recording does not distinguish between {'; '.join(map(' and '.join, joint.not_told_apart))}"
     if explanation := joint if joint and joint.orders_left else best:
         order_texts = [
             f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in explanation.orders_left
@@ -257,12 +257,12 @@ def _tables(result: Comparison) -> Iterator[Table]:
     """Yield the table of the largest orders and, if deviations were fitted, the table of the fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    title = f"amplitude·cos(order·angle + phase), ″ and deg: {_TABLED_ORDERS} largest of {len(result.orders)} orders"
+    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)} orders"
     yield Table.by_row(title, _COMPARED_ORDERS, shown)
     if result.singles:
         title = (
-            "deviations fitted one at a time, the best first, and together; ± k = 1; residual: chi-square per degree "
-            "of freedom"
+            "deviations fitted one at a time, the best first, and all together; ±: k = 1; residual: chi-square per "
+            "degree of freedom"
         )
         columns = ("deviation", "size, um", "direction, °", "explains", "residual", "F'_ior, ″")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
@@ -453,7 +453,7 @@ def _change(
 def _loads(result: DrivesComparison) -> list[str]:
     """Return the torques at which the drives are compared, or their shares of the rated torque, as texts."""
     if shares := result.rated_shares:
-        return [f"{100 * share:.3g} % of rated" for share in shares]
+        return [f"{100 * share:.3g} % of the rated torque" for share in shares]
     return [f"{M_g:g} N·m" for M_g in result.torques]
 
 
@@ -468,7 +468,7 @@ def _verdict(result: DrivesComparison) -> str:
         verdicts.append(f"{letter} {', '.join(sentences)}")
     choice = f"{result.word.lower()} {letters[result.best]}"
     if result.word == "ANY":
-        choice = "any, all are equal" if result.all_alike else "any, the difference is not significant"
+        choice = "any drive, because all are equal" if result.all_alike else "any drive, because the difference is not significant"
     return f"{choice}: F'_ior of {'; '.join(verdicts)}"
 
 
@@ -497,7 +497,7 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
             notes.append(f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives")
         paths = _some(changes.not_alone)
         if paths:
-            notes.append(f"cannot be changed alone (the drive would be impossible or less certain): {paths}")
+            notes.append(f"not changed alone, because most drives would then be impossible or have more unknown inputs: {paths}")
         yield Table(
             title,
             ("", *torques),
@@ -526,7 +526,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         yield f"{letter} main cause", _most_by(result, changes)
     if result.rated_shares:
-        yield "torques", f"the presets share no torque; each drive is computed at {' and '.join(_loads(result))}"
+        yield "torques", f"the presets have no torque in common; each drive is computed at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
         (change.F_ior_is[k], change.probability_better[k], f" at {M_g:g} N·m" if len(result.torques) > 1 else "")
@@ -542,8 +542,8 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
             key=lambda each: each[0].low,
             default=(None, ""),
         )
-        sure = f"; probability of its sign: {least.text(SURE, outcome='a decision')}" if least else ""
-        yield "open", f"unknown inputs may reverse this change{load_words}{sure}"
+        sure = f"; probability of the likelier sign: {least.text(SURE, outcome='a decision')}" if least else ""
+        yield "open", f"unknown inputs may reverse the sign of the change{load_words}{sure}"
     yield "next", again("report", result.sheets[result.best].drive, "-o", "report.html")
 
 

@@ -27,7 +27,7 @@ from hdassist.features.report import Curve, Fact, Facts, Json, Report, Table, cs
 from hdassist.interface.terminal.words import ENVELOPE, again
 from hdassist.run.errors import Verdict
 
-UNPROVEN = "No correction was tested on a real drive yet. Record the corrected error."
+UNPROVEN = "No correction has been tested on a real drive yet. Record the error with the correction on."
 _TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
@@ -56,7 +56,7 @@ def compensate_report(
     chosen = result.chosen
     refused: tuple[str, ...] = ()
     if chosen.is_refused:
-        refused = (f"{form_words(chosen.form.name)}: refused, as {_percent(chosen)} % would remain",)
+        refused = (f"{form_words(chosen.form.name)}: refused, because {_percent(chosen)} % of the error would remain",)
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [residual for residual in result.forms if residual.form.name in names]
     return Report(
@@ -134,7 +134,7 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     ]
     measure = []
     if found.verdict is Verdict.FAIL:
-        unknown = "No wrong sign, wrong zero or lost revolution: check whether load, hole or drive has changed."
+        unknown = "Neither a wrong sign nor a wrong zero nor a lost revolution explains this: check whether load, hole or drive has changed."
         why.append(f"Probable cause: {found.cause}." if found.cause else unknown)
     elif found.verdict is Verdict.INCONCLUSIVE:
         measure = [("measure", "the full mesh cycle twice or more with the correction on, to determine the noise")]
@@ -175,13 +175,13 @@ def _verdict(result: Correction) -> str:
     if any(residual.is_refused for residual in result.forms if residual.form == form):
         return f"refused: {form_words(form.name)} may increase the error; {_enough(result)}"
     best = min(result.forms, key=lambda each: each.left[1])
-    residual_words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} %"
+    residual_words = f"with a recording, {form_words(best.form.name)} would leave {_percent(best)} % of the error"
     return f"record the error first: {residual_words}; a correction from the preset alone may increase the error"
 
 
 def _why(result: Correction) -> Iterator[str]:
     table = next(residual for residual in result.forms if residual.form.turn == "cam")
-    table_words = f"a table over one input revolution would leave {_percent(table)} %"
+    table_words = f"a table over one input revolution would leave {_percent(table)} % of it"
     if table.left[1] <= HALVED:
         yield f"The error repeats every input revolution, as with an oval wheel; {table_words}."
     else:
@@ -198,8 +198,8 @@ def _other_loads(result: Correction) -> Iterator[str]:
         is_elsewhere = residual.case == IN_PLACE and residual.M_g != result.M_g
         if is_elsewhere and residual.p50 > residual.uncorrected_p50:
             statistic = "the median of F'_ior" if result.samples else "F'_ior"
-            change = f"{residual.uncorrected_p50:.1f} → {residual.p50:.1f}″"
-            yield f"At {residual.M_g:g} N·m this correction increases {statistic}: {change}."
+            change = f"from {residual.uncorrected_p50:.1f} to {residual.p50:.1f}″"
+            yield f"At {residual.M_g:g} N·m this correction increases {statistic} {change}."
 
 
 def _part_words(part: ErrorPart) -> str:
@@ -211,7 +211,7 @@ def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     parts = "; ".join(f"{_part_words(part)}: {_range(part)}" for part in result.parts)
     yield "parts, ″", parts
     refused = "; ".join(form_words(residual.form.name) for residual in result.forms if residual.is_refused)
-    yield "table", _enough(result) + (f"; refused, as they may increase the error: {refused}" if refused else "")
+    yield "table", _enough(result) + (f"; refused, because they may increase the error: {refused}" if refused else "")
     residuals = ", ".join(f"{n}: {amplitude_arcsec:.2g}″" for n, amplitude_arcsec in result.phasors.items())
     yield "terms", f"residual with {residuals.replace(':', ' terms:', 1)}"
     yield from _record_facts(result)
@@ -232,11 +232,11 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     if result.misfit and result.drive:
         turn_counts = ", ".join(f"{count:.3g}" for count in turns)
         recording = f"{turn_counts} of {cycle} input revolutions"
-        yield "recording", f"{recording} at {recorded} N·m; the angles are those of the preset"
+        yield "recording", f"{recording} at {recorded} N·m; the correction uses the angles of the preset"
         stiffnesses = "supports, contacts, deflection and clearance (docs/correct.md)"
         fitted = ", ".join([*(field.path for field in unknowns(result.drive)), stiffnesses])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
-        yield "measure", "the full mesh cycle; no fit is then needed"
+        yield "measure", "the full mesh cycle, which needs no fit"
     elif ends := result.recorded_deg:
         range_words = (
             f"{ends[0]:z.1f} to {ends[1]:z.1f}° of the output; outside this range the residual is not predicted"
@@ -245,14 +245,14 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
     elif recorded and _is_of_part(result):
         recording = f"{turns[0]:.3g} of {cycle} input revolutions at {recorded} N·m"
         yield "recording", f"{recording}; the correction uses the angles of the recording"
-        slow = "sidebands and slow terms of the output, which a part of the cycle does not determine"
+        slow = "sidebands and slow terms of the output, which part of the cycle does not determine"
         yield "open", f"{slow}; the residual includes these terms"
         yield "measure", "more of the cycle, which reduces the upper bound of the residual"
     elif recorded:
         yield "recording", f"at {recorded} N·m; the correction uses the angles of the recording"
     if not result.drive and not _is_of_part(result) and turns[0] < _TOLD_NOISE_CYCLES * cycle:
         yield "noise", "one cycle does not distinguish noise from error; the upper bound of the residual includes noise"
-        yield "measure", "the cycle twice or more, so that noise averages out"
+        yield "measure", "the full mesh cycle twice or more, so that noise averages out"
 
 
 def _direction_facts(result: Correction) -> Iterator[Fact]:
@@ -264,7 +264,7 @@ def _direction_facts(result: Correction) -> Iterator[Fact]:
     )
     difference = f"the two error curves differ by {_range(result.between_directions)}″"
     yield "directions", f"{residuals}; {difference}, and one correction serves both"
-    yield "not corrected", "the lost motion at reversal, which hdassist measure states"
+    yield "not corrected", "the lost motion at reversal, which hdassist measure reports"
 
 
 def _is_of_part(result: Correction) -> bool:

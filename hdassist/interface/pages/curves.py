@@ -66,7 +66,7 @@ def slope_words(
     """
     reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
     factor = " (k = 2)" if uncertainty else ""
-    text = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of the output{factor}"
+    text = f"at {'least' if is_least else 'most'} {slope:.3g}{reach}″ per ° of output rotation{factor}"
     return f"{text}; {slope * speed / 3600:.3g}″/s at an output speed of {speed:g}″/s" if speed else text
 
 
@@ -197,7 +197,7 @@ def _limits_of_trace(
         yield "Computed from the preset; measurements of the drive are not taken into account."
     if is_part:
         cycle = trace.error.kinematics.cycle_cam_revolutions
-        yield f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least as large."
+        yield f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least as large as this range."
     if unknowns(drive):
         yield _UNKNOWN_AS_ZERO
 
@@ -223,10 +223,10 @@ def _along_words(along: ErrorAlong | None) -> str:
     if along is None:
         return ""
     ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
-    solved = f"{len(along.torques_Nm)} torques solved, error of the interpolation at most {along.bound_arcsec:.2g}″"
+    solved = f"{len(along.torques_Nm)} torques solved, interpolation error at most {along.bound_arcsec:.2g}″"
     ranges = f"{along.ranges_arcsec[0]:.2f}″ and {along.ranges_arcsec[-1]:.2f}″"
     constant = f"range at the smallest and at the largest torque, each held constant: {ranges}"
-    return f"{ends}, {solved}. {constant.capitalize()}. Wind-up of {along.wind_up_arcsec:.4g}″ not included"
+    return f"{ends}, {solved}. {constant.capitalize()}. The wind-up of {along.wind_up_arcsec:.4g}″ is not included"
 
 
 def curve_of_turns(
@@ -305,15 +305,15 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     if drive.operation.rated is not None:
         return drive.origin.warnings
     torque = f"the lost motion refers to {result.rated:g} N*m, the largest torque in operation.M_g"
-    advice = "--set operation.rated=T states the rated torque"
-    return (*drive.origin.warnings, f"no operation.rated in the preset: {torque}; {advice}")
+    advice = "state the rated torque with --set operation.rated=T"
+    return (*drive.origin.warnings, f"the preset has no operation.rated, so {torque}; {advice}")
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     """Yield segments, lost motion, assumptions and the next command, each as a label and a text."""
     segments = ""
     if ends_elsewhere(drive.catalogue, found.positive):
-        segments = "the segments end at torques other than those in the catalogue, so K is not compared"
+        segments = "the segments end at torques other than those in the catalogue, so their stiffnesses are not compared"
     yield "segments", segments
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; backlash {found.play_arcsec:.2f}″"
@@ -331,7 +331,7 @@ def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
     origin = " (assumed)" if source and source.kind == "assumed" else ""
     excess = off(lost_motion_arcsec, limit_arcsec) or 0.0
     compared = f"exceeds this limit by {excess:.0f} %" if excess > 0 else "is below this limit"
-    return f"at most {limit_arcsec:g}″{origin}, friction included; the model, which has no friction, {compared}"
+    return f"at most {limit_arcsec:g}″{origin}, friction included; the lost motion of the model, which omits friction, {compared}"
 
 
 _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")

@@ -49,7 +49,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
-            Table.by_row("values, half width of their interval, bounds", _FOUND_VALUES, result.values),
+            Table.by_row("fitted values with half-widths of their intervals, and bounds", _FOUND_VALUES, result.values),
             _targets_table(wanted, sets[0]),
             Facts((("note", _NOTE), ("next", _after_calibration(result, written)))),
         ),
@@ -72,7 +72,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
 def _after_calibration(result: Calibration, written: str | None) -> str:
     """Return the next command, or the action required before it; written: file of the preset, None if none exists."""
     if result.shortfall:
-        return "check the measured values; if they are right, widen bounds or add unknowns"
+        return "check the measured values; if they are correct, widen the bounds or add unknowns"
     if written:
         return command_line(["hdassist", "check", written])
     if result.drive.origin.overrides:
@@ -93,7 +93,7 @@ def _targets_table(wanted: Targets, fitted: Json) -> Table:
     for target, value, off_tolerances, is_met in columns:
         state = "met" if is_met else "MISSED"
         rows.append((target.words, target.unit, target.wanted, four_digits(value), f"{off_tolerances:+.2f}", state))
-    return Table("targets", ("quantity", "unit", "target", "fitted", "off, tolerances", ""), tuple(rows))
+    return Table("targets", ("quantity", "unit", "target", "fitted", "deviation/tolerance", ""), tuple(rows))
 
 
 def _sets_table(result: Calibration) -> Table:
@@ -120,11 +120,11 @@ def _warnings(result: Calibration) -> Iterator[str]:
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations affect F'_ior
         yield from unknown_notes(result.drive)
     if result.shortfall:
-        yield f"targets are missed: {result.shortfall}; the values are the nearest found, and --write writes no preset"
+        yield f"targets are missed: {result.shortfall}; the values are the nearest that were found, and --write writes no preset"
     if open_ := [value.path for value in result.values if value.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:
-        yield f"the targets do not distinguish {a} and {b} (correlation {correlation:+.2f})"
+        yield f"the targets do not distinguish {a} from {b} (correlation {correlation:+.2f})"
 
 
 def _set_object(targets: Targets, fit: Fit) -> Json:

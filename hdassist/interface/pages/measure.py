@@ -178,29 +178,29 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     # without a ratio, the length of the cycle is unknown
     if found.coverage is None or result.gearing is None:
         yield (
-            f"The recording covers {found.bins.span:.2f} input revolutions; without --drive or --ratio the full mesh "
+            f"The recording covers {found.bins.span:.2f} input revolutions; without --drive or --ratio, the full mesh "
             "cycle is unknown."
         )
         return
     covered = f"The recording covers {100 * found.coverage.share:.1f} %"
     if found.is_scale_bound:
-        yield "The declination is unknown: state it (--declination DEG)."
+        yield "The declination is unknown; state it with --declination DEG."
     elif found.is_bound and result.gearing.travel:
         yield f"{covered} of the travel of {result.gearing.travel_deg:.4g}°."
         # in separate sweeps, slow terms cannot be distinguished from differences between the levels of the sweeps
         if found.coverage.share >= FULL_SHARE:
-            yield "The travel was recorded in several sweeps: record it in one."
+            yield "The travel was recorded in several sweeps; record it in one sweep."
     elif found.is_bound:
         cycle = result.gearing.cycle
         output = result.gearing.cycle_output
         outputs = f" ({output} output revolutions)" if output > 1 else ""
         yield f"{covered} of the full mesh cycle of {cycle} input revolutions{outputs}."
         if found.coverage.share >= FULL_SHARE:
-            yield "Slow terms were removed: only readings of a whole output revolution determine them."
+            yield "Slow terms were removed, because only readings over a whole output revolution determine them."
         # the recording is long enough, so rows are missing within it
         elif found.bins.span >= FULL_SHARE * cycle:
             gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
-            yield f"Rows are missing: gaps of more than {gap:.3g}° between readings are not covered."
+            yield f"Readings are missing: gaps of more than {gap:.3g}° between readings count as not covered."
 
 
 def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[str]:
@@ -216,7 +216,7 @@ def _full_cycle_words(result: Measurement, direction: SweepResult) -> Iterator[s
     yield f"Predicted F'_ior over the full mesh cycle: {low:.1f} to {high:.1f}″ (95 % interval)."
     if cycle.record_next_rev:
         first, last = (360 * turns / result.gearing.ratio for turns in cycle.record_next_rev)
-        yield f"To narrow this interval, record the output from {first:.0f} to {last:.0f}° next."
+        yield f"To narrow this interval, record output angles from {first:.0f} to {last:.0f}° next."
 
 
 def _directions_facts(result: Measurement) -> Iterator[Fact]:
@@ -226,7 +226,7 @@ def _directions_facts(result: Measurement) -> Iterator[Fact]:
     from hdassist.features.measuring.full_cycle import is_joint  # imported here because scipy.linalg takes time
 
     if is_joint(result):
-        yield "model", "each direction has its own interval, from one model of both directions"
+        yield "model", "one model of both directions gives a separate interval for each direction"
 
 
 def _facts(
@@ -255,8 +255,8 @@ def _facts(
         yield (
             "lag",
             (
-                f"the output is read {lag.ms:.3g} ± {reach:.2g} ms (k = {COVERAGE_FACTOR:g}) after the input. Friction "
-                "that grows with the speed may be part of this lag. The lag is removed"
+                f"the output is read {lag.ms:.3g} ± {reach:.2g} ms (k = {COVERAGE_FACTOR:g}) after the input. "
+                "Speed-dependent friction may contribute to this lag. The lag has been removed"
             ),
         )
     missing = [source.name for source in first_sweep.sources if source.arcsec is None]
@@ -312,7 +312,7 @@ def _line_facts(found: SweepResult) -> Iterator[Fact]:
     """Yield the spectral lines between the orders, and the stated shafts without a component, as labelled texts."""
     if found.lines:
         lines = ", ".join(_line_words(line, found) for line in found.lines)
-        rise = f". In another cycle they may add {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
+        rise = f". In another cycle they may add up to {found.range.rise:.2f}″ to F'_ior" if found.range.rise else ""
         yield "lines", f"between the orders, per input revolution: {lines}{rise}"
     yield "shafts", _shaft_words(found)
 
@@ -369,10 +369,10 @@ def _reversal_words(reversal: Reversal) -> str:
     )
     # friction and lag cannot be distinguished at a single speed
     if reversal.by == "one speed":
-        size = f" of {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
-        text += f", encoder lag{size} included (record two speeds to remove it)"
+        size = f"{reversal.arcsec_per_ms:.3g}″ per ms; " if reversal.arcsec_per_ms else ""
+        text += f", including any encoder lag ({size}record at two speeds to remove it)"
     departure = f"up to {reversal.greatest_departure_arcsec:.2f}″ from the mean"
-    return f"{text}; mean {reversal.mean_arcsec:.2f}″, {departure}"
+    return f"{text}. Difference between the directions: mean {reversal.mean_arcsec:.2f}″, {departure}"
 
 
 def _slope_object(result: Measurement, speed: float | None) -> Json:
@@ -427,7 +427,7 @@ def _slow(found: SweepResult) -> str:
     size = f"{found.slow_arcsec:.2f}″"
     # a part of an output revolution does not determine the cause of slow terms, so they were removed
     if found.is_part:
-        return f"slow terms of {size} removed: part of a revolution does not distinguish test rig, drift and drive"
+        return f"slow terms of {size} removed, because part of a revolution does not distinguish drive, drift and test rig"
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
     low, high = found.cam.interval
     cause = f" ({largest.cause})" if largest.cause else ""
@@ -758,7 +758,7 @@ def _iso230_object(test: PositioningTest) -> Json:
 def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.at_least_arcsec:.2f}″ from these positions"
     if found.uncertainty_arcsec is None and not found.expanded_arcsec:
-        return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach the positions twice or more"
+        return f"unknown: scatter may be part of the {found.arcsec:.2f}″; approach each position at least twice"
     # the captured shares of the plan are valid only if all planned positions were measured
     if found.is_cut:
         return f"{least}; planned positions or sides are missing, so the shares of the plan do not apply"

@@ -281,10 +281,11 @@ def order_and_reason(advice: Advice) -> tuple[str, str]:
     if advice.correction:
         order = instruction(advice, gains=False)
         form = form_words(advice.correction)
-        order += f" Make the correction ({form}) in this hole; it is valid in no other hole."
+        order += f" Make the correction ({form}) in this hole; it is not valid in any other hole."
     if advice.compensated and not advice.correction:
-        equal = f"With a correction ({form_words(advice.compensated[0])}) the residual F'_ior is the same in all holes."
-        order = f"{equal} Recommendation by F'_ior without a correction: {order}"
+        form = form_words(advice.compensated[0])
+        equal = f"With a correction ({form}), the residual F'_ior is the same in all holes."
+        order = f"{equal} Recommendation without a correction: {order}"
     if advice.names_hole:
         return order, ""
     if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
@@ -304,7 +305,7 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
     compared = f"Measured {_measured(advice, checked.trial)}; {predicted}."
     if not checked.as_predicted:
         compared += " The value is outside the predicted interval: check the seat and the measurement."
-    place = hole_place(advice.chosen)
+    place = _located(advice.chosen)
     if checked.verdict == "GO_BACK":
         back = measured_value(checked.goal)
         moved = instruction(advice, gains=False)
@@ -315,10 +316,15 @@ def _verification_words(advice: Advice, checked: Verification) -> str:
     if checked.verdict == "MEASURE_AGAIN":
         odds = advice.after.misread[-1] if advice.after else 1.0
         return (
-            f"Make sure that the {fixed} is in {place}, and measure there again. "
+            f"Make sure that the {fixed} is {place}, and measure there again. "
             f"Probability of a reading error: {100 * odds:.0f} %. {compared}"
         )
-    return f"Keep the {fixed} in {place}. {compared}"
+    return f"Keep the {fixed} {place}. {compared}"
+
+
+def _located(position: Position) -> str:
+    """Return where a position is, as text: in a hole, or at an angle if the seat has no holes."""
+    return f"{'at' if position.hole is None else 'in'} {hole_place(position)}"
 
 
 def _repeat_words(advice: Advice) -> str:
@@ -328,9 +334,9 @@ def _repeat_words(advice: Advice) -> str:
         return ""
     odds = 100 * advice.after.misread[advice.trials.index(doubted)]
     where = place_at(doubted.rotation_deg, hole_of(doubted.rotation_deg, advice.drive.mounting.holes))
-    several = f" at {advice.torque_of(doubted):g} N·m" if len(advice.torques_of_values) > 1 else ""
+    several = f" and {advice.torque_of(doubted):g} N·m" if len(advice.torques_of_values) > 1 else ""
     value = measured_value(doubted)
-    return f"Measure in {where}{several} again. Probability that {value}″ is a reading error: {odds:.0f} %."
+    return f"Repeat the measurement for {where}{several}. Probability that {value}″ is a reading error: {odds:.0f} %."
 
 
 def _why(advice: Advice) -> Iterator[str]:
@@ -384,12 +390,12 @@ def next_value_words(advice: Advice) -> str:
         M_g = advice.next_torque
         again_ = " again" if (advice.next.rotation_deg, M_g) in map(advice.setup.point, advice.trials) else ""
         torque_words = f" at {M_g:g} N·m" if advice.torques_of_values != (M_g,) else ""
-        action = f"Before bolting, measure {hole_place(advice.next)}{torque_words}{again_}"
+        action = f"Before bolting, measure F'_ior {_located(advice.next)}{torque_words}{again_}"
         reason = _reason_before_stop(advice)
         if reason:
             return f"{action}. {reason}"
         if not value.is_worth(advice.worth):
-            action += f": fewer than {advice.fewest_values} values may not reveal a reading error"
+            action += f": with fewer than {advice.fewest_values} values, a reading error may go unnoticed"
         return f"{action}. {_expected(advice, (one, 'one more value'), (three, 'three'))}"
     after = dict(later)
     if not advice.next:
@@ -397,7 +403,7 @@ def next_value_words(advice: Advice) -> str:
     holes = ", ".join(hole_place(p) for p in advice.to_try)
     gain = _expected(advice, (after[FEWEST_VALUES], "five values"), (after[6], "six"))
     action = f"To reduce F'_ior, measure it at {advice.setup.M_g:g} N·m in {holes}"
-    return f"{action}, then in the holes that this command names. {gain}"
+    return f"{action}, then in the holes that this command names next. {gain}"
 
 
 def _reason_before_stop(advice: Advice) -> str:
@@ -518,7 +524,7 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
     """Yield gain, contributions, samples, repeatability, eccentricity and scale, each as a label and a text."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * gain for gain in advice.gain_range)
-        places = f"F'_ior in {hole_place(advice.chosen)} relative to {start_of_count(advice.drive)}"
+        places = f"F'_ior in {hole_place(advice.chosen)} relative to that in {start_of_count(advice.drive)}"
         yield "gain", f"{places}: {middle:+z.0f} % ({low:+z.0f} to {high:+z.0f})"
     if advice.samples:
         yield "contributions", influence_words(advice.influences, "the gain")
@@ -535,7 +541,7 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
                 f"of the wave generator: {size.mean():.0f} ± {size.std():.0f} µm {direction_words} (k = 1)",
             )
         ratio = f"{after.scale.mean():.2f} ± {after.scale.std():.2f}"
-        yield "scale", f"measured F'_ior over computed F'_ior: {ratio} (k = 1)"
+        yield "scale", f"ratio of measured to computed F'_ior: {ratio} (k = 1)"
         yield "unknown", unknown_names(advice.unknown)
 
 
@@ -566,12 +572,12 @@ def _positions_table(
     probability_heads = ("P(better)", "P(within 5 %)") if is_sampled else ()
     notes = []
     if is_sampled:
-        better = f"lower than in {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
-        notes.append(f"P(better): {better}; P(within 5 %): of the best hole; in %")
+        better = f"lower than in {start_of_count(advice.drive)} by more than {100 * decision.cost:g} %"
+        notes.append(f"P: probability, %; better: {better}; within 5 %: of F'_ior in the best hole")
     mean = " mean" if is_sampled else ""
-    governing = " at governing torque" if len(advice.torques) > 1 else ""
+    governing = " at the governing torque" if len(advice.torques) > 1 else ""
     of_what = f":{mean}{governing}" if mean or governing else ""
-    notes.append(f"excess over best hole{of_what}; {counting} counter-clockwise")
+    notes.append(f"excess over the best hole{of_what}; {counting} counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",

@@ -190,7 +190,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
         return
     exceeding = f"{_percent(beyond.value)} % of drives exceed the limit"
     if not wrong < beyond.value < 1 - wrong and all(judged.verdict is Verdict.PASS for judged in choice.judged):
-        yield f"{exceeding}, so any test is sufficient to decide."
+        yield f"{exceeding}, so any of these tests is sufficient for a decision."
     else:
         interval = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
         yield f"{exceeding}; false PASS: {interval}, at most {100 * wrong:g} % allowed."
@@ -203,7 +203,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
     """
     points = {judgement.plan.readings: 100 * judgement.seen[0] for judgement in choice.over_positions}
     groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
-    group_words = f"; lowest of each {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
+    group_words = f"; lowest of every {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
     enough_readings = [judgement.plan.readings for judgement in choice.enough if not judgement.plan.is_record]
     return Curve(
         np.array([group.mean() for group in groups]),
@@ -296,11 +296,11 @@ def _procedure(choice: PlanChoice) -> tuple[str, ...]:
     times = "time" if run.repeats == 1 else "times"
     return (
         f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
-        f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Write down the temperature.",
-        f"Start at any output angle, and call it 0. First move back by {lead_deg}. "
-        f"Before each reversal, move on by {lead_deg}.",
+        f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Record the temperature.",
+        f"Take any output angle as 0. To take up the backlash, first move back by {lead_deg}, and move on by {lead_deg} "
+        "before each reversal.",
         f"Approach each position {sides}, {run.repeats} {times}. Never overshoot a position.",
-        f"Wait {run.dwell_s:g} s, then read the output. Write down the temperature again at the end.",
+        f"Wait {run.dwell_s:g} s, then read the output. Record the temperature again at the end.",
     )
 
 
@@ -308,7 +308,7 @@ def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
     """Return the rules to evaluate the readings of a test; file: file with the positions, empty if there is none."""
     low, middle, high = map(_percent, choice.test.judged.seen)
     rules = [
-        "The result is the range from one side: the largest minus the smallest deviation. Average repeated readings.",
+        "Average repeated readings. The result is the largest minus the smallest deviation of approaches from one side.",
         f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(choice.test),
     ]

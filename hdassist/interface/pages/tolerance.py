@@ -266,7 +266,7 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
         designs = f"only {summary.design_count} designs were sampled"
         yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
     if summary.refused:
-        yield f"{len(summary.refused)} drives have no result ({summary.reason}); the yield allows for PASS and for FAIL"
+        yield f"{len(summary.refused)} drives have no result ({summary.reason}); the range of the yield covers both PASS and FAIL for these drives"
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
@@ -287,8 +287,8 @@ def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
     if not np.any(best > built) and smallest_reduction >= 0:
         return ""
     reference = "its limit" if summary.has_limit else "the value as assembled"
-    hole = f"one hole per drive for all torques, with the smallest F'_ior relative to {reference} at the worst torque"
-    return f"{hole}. At a single torque this hole may be worse than the hole as assembled"
+    hole = f"one hole per drive for all torques; at the worst torque, its F'_ior relative to {reference} is smallest"
+    return f"{hole}. At another torque, this hole may be worse than the hole as assembled"
 
 
 def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
@@ -526,7 +526,7 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
     largest_reduction = max(0.0, *(way.reduction_high for way in found.tightened[found.worst]))
     reason = f"If a tolerance is {_STEP_WORDS}, {percentile} decreases by at most {100 * largest_reduction:.0f} %."
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
-        share = f"This field contributes {100 * largest.share:.0f} % of the variance of F'_ior."
+        share = f"This input contributes {100 * largest.share:.0f} % to the variance of F'_ior."
         return f"no tolerance; measure {named(largest.group)}", f"{share} {reason}", largest.group
     return _UNDECIDED, reason, ""
 
@@ -600,7 +600,7 @@ def _torque_limits(allocator: Allocator, self_errors: Sequence[float]) -> list[_
 def _self_error_words(torque_limits: Sequence[_TorqueLimit]) -> str:
     """Return the self error and the limit at each torque as text."""
     parts = [f"{row.self_error:.1f} of {row.limit:g}″ at {row.M_g:g} N·m" for row in torque_limits]
-    return f"{', '.join(parts)}, which no tolerance reduces"
+    return f"{', '.join(parts)}; no tolerance reduces it"
 
 
 def _assumed_costs(allocator: Allocator) -> list[str]:
@@ -609,7 +609,7 @@ def _assumed_costs(allocator: Allocator) -> list[str]:
     if not assumed:
         return []
     return [
-        f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (see cost in the preset)"
+        f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (set them in the section cost of the preset)"
     ]
 
 

@@ -319,7 +319,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
 
 
 class PitchOptions(OptionGroup):
-    """Measured teeth of the wheels, which replace their first harmonics."""
+    """Measured tooth deviations of the wheels, which replace their first harmonics."""
 
     pitch_b: str | None = None
     pitch_g: str | None = None
@@ -456,7 +456,7 @@ def _no_load_of(preset: str, overrides: Sequence[str]) -> float:
 
     if preset == "-":
         hint = "save the preset in a file, or state a small torque"
-        raise UsageError("--torque 0 reads the preset twice, and standard input can be read once only", hint)
+        raise UsageError("--torque 0 reads the preset twice, but standard input can be read only once", hint)
     return ACCURACY_LOAD * load_preset(preset, overrides).rated_torque
 
 

@@ -299,7 +299,7 @@ def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCh
     if isinstance(found, Certificate):
         rows = [
             ("mesh positions solved", f"{found.states}"),
-            ("mesh positions that needed a fallback", f"{found.fallbacks}"),
+            ("mesh positions solved by the fallback solver", f"{found.fallbacks}"),
         ]
         bound = f", relative residual (limit {TOLERANCE:.0e})"
         rows += [(f"{label}{bound}", f"{getattr(found, name):.1e}") for name, label in _RESIDUALS.items()]

@@ -373,7 +373,7 @@ def require_writable(path: str, force: bool) -> None:
     target = Path(path)
     try:
         if not path or target.is_dir():
-            raise _unwritable(path, "it is a directory" if path else "it has no name")
+            raise _unwritable(path, "it is a directory" if path else "the name is empty")
         if reason := why_not_a_file(path):
             raise _unwritable(path, reason)
         if target.exists() and not _is_device(target) and not force:

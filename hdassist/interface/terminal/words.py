@@ -161,11 +161,11 @@ def more_draws(samples: Samples) -> str:
 def samples_words(samples: Samples) -> str:
     """Return a text on the effective sample size, the number of samples, and the reasons for rejected samples."""
     refused = sum(samples.refused.values())
-    text = f"effective sample size {samples.effective:.0f} of {samples.draws} samples"
+    text = f"effective sample size {samples.effective:.0f} from {samples.draws} samples"
     if samples.of_ranges.draws < samples.draws:
         text += f"; ranges and contributions are computed from the first {samples.of_ranges.draws}"
     if refused:
-        text += f"; {refused} refused as impossible drives ({next(iter(samples.refused))})"
+        text += f"; {refused} rejected as impossible drives ({next(iter(samples.refused))})"
     return text
 
 
@@ -249,4 +249,4 @@ def heading(measured: MeasuredTeeth | None) -> str:
     """Return the end of a heading, which names the wheels with measured teeth; empty if there are none."""
     wheels = measured.by_name.items() if measured else ()
     wheel_list = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in wheels)
-    return f"; measured teeth: {wheel_list}" if wheel_list else ""
+    return f"; measured pitch deviations: {wheel_list}" if wheel_list else ""
