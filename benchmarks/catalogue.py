@@ -24,19 +24,20 @@ MM_A_SIZE = 2.54
 
 HD = "Harmonic Drive CSF/CSG catalogue"
 SECOND_HAND = (
-    "K1 and K3 as in Schaeffler TPI 275, series RT1-H-CS, ratio 100, read second-hand; K2 from memory, not re-read"
+    "K1 and K3 as in Schaeffler TPI 275, series RT1-H-CS, ratio 100, quoted by another source; K2 from memory, "
+    "not verified"
 )
-EXAMPLE = "as in the example of Harmonic Drive's CHA manual 1018854 (12/2015), p. 68, which names no size"
+EXAMPLE = "example in the Harmonic Drive manual CHA 1018854 (12/2015), p. 68, which states no size"
 READ = f"{HD}, table of torsional stiffness, ratio 80 and more"
-MEMORY = "from memory, not re-read"
+MEMORY = "from memory, not verified"
 TORQUES = f"{HD} of Harmonic Drive LLC, tables 41 and 42"
 RATED = (
-    "CSF, ratio 100, 2000 rpm; from memory, not re-read; as 1/1.3 of the CSG series, second-hand, "
-    "whose catalogue says 30 % more than CSF"
+    "CSF, ratio 100, 2000 rpm; from memory, not verified; equal to 1/1.3 of the CSG value, which is quoted by another "
+    "source and stated in its catalogue to be 30 % above CSF"
 )
 COUPLING = (
-    "the standard version floats on it, one without is an option: Harmonic Drive AG, HFUS-2A data 1019658 (11/2014), "
-    "p. 40; the CSF/CSG catalogue lists its backlash; with a solid hub: --set cam.coupling=solid"
+    "the standard version has an Oldham coupling, a version without one is optional: Harmonic Drive AG, HFUS-2A data "
+    "1019658 (11/2014), p. 40; the CSF/CSG catalogue lists its backlash; for a solid hub: --set cam.coupling=solid"
 )
 
 
@@ -69,7 +70,7 @@ class Published:
     @property
     def figures(self) -> dict[str, SimilarValue]:
         """The catalogue values as fields of the preset."""
-        accuracy = f"{self.accuracy:g} arcmin over a turn; not re-read, names no load"
+        accuracy = f"{self.accuracy:g} arcmin over one revolution; not verified; no load stated"
         return {
             **{f"catalogue.K_{k}": SimilarValue(K * 1e4, "given", self.source) for k, K in enumerate(self.K, 1)},
             **{f"catalogue.T_{k}": SimilarValue(T, "given", TORQUES) for k, T in enumerate(self.T, 1)},
@@ -77,7 +78,7 @@ class Published:
         }
 
 
-SCREWS = "screws of the circular spline, in the manuals"
+SCREWS = "screws of the circular spline, according to the manuals"
 SIZES = (
     Published(14, (0.47, 0.61, 0.71), (2.0, 6.9), 7.8, 1.5, SECOND_HAND, (6, "given", SCREWS)),
     Published(17, (1.0, 1.4, 1.6), (3.9, 12), 24, 1.5, SECOND_HAND, (12, "assumed", f"8 or 12 {SCREWS}")),
@@ -102,7 +103,7 @@ def presets() -> Iterator[tuple[str, str]]:
         d = round(MM_A_SIZE * each.size, 2)
         required = each.figures | {
             "gears.z_g": SimilarValue(200, "given", "ratio 100, two waves"),
-            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}: derived, no catalogue prints it"),
+            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}; derived, not stated in catalogues"),
             "operation.rated": SimilarValue(each.rated, "given", RATED),
             "cam.coupling": SimilarValue("oldham", "assumed", COUPLING),
         }
@@ -110,14 +111,15 @@ def presets() -> Iterator[tuple[str, str]]:
             required["mounting.holes"] = SimilarValue(*each.holes)
         yield each.name, similar_preset(
             each.name, like, required,
-            f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. "
+            f"Catalogue size {each.size}, ratio 100, scaled from vzp160. "
             "The model has not been compared with measurements. "
-            f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
-            f"docs/targets/{each.name}.targets.yaml. "
-            "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
+            "The ratio, the rated torque (Harmonic Drive CSF) and other catalogue values are given. "
+            f"docs/targets/{each.name}.targets.yaml contains the targets for a calibration. "
+            "Catalogues state neither the rim nor the radial deflection nor the profile shifts, and the teeth of these "
+            "drives are not involute.",
         )  # fmt: skip
     for name, (d, rated) in MVZ.items():
-        which = f"inner diameter of the flexspline ({MVZ_SOURCE}), which is the pitch diameter of vzp160 too"
+        which = f"inner diameter of the flexspline ({MVZ_SOURCE}), which equals the pitch diameter in vzp160"
         required = {
             PITCH_DIAMETER: SimilarValue(d, "assumed", which),
             "operation.rated": SimilarValue(rated, "given", MVZ_SOURCE),
@@ -125,8 +127,8 @@ def presets() -> Iterator[tuple[str, str]]:
         title = f"MVz-{d:g}"
         yield name, similar_preset(
             name, like, required,
-            f"Motor gear unit {title}, by similarity from vzp160. The model has not been compared with measurements. "
-            "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
+            f"Motor gear unit {title}, scaled from vzp160. The model has not been compared with measurements. "
+            "The rated torque is given. The name states the inner diameter of the flexspline; the ratio is not published.",
         )  # fmt: skip
 
 
@@ -187,9 +189,7 @@ def table() -> str:
                 ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),
                 f'{curve.lost_motion_arcsec:.0f}"',
             ]
-        source = each.source.replace("read second-hand", "cited from a secondary source")
-        source = source.replace("not re-read", "not verified")
-        lines.append(f"| `{each.name}` | {' | '.join(cells)} | {source} |")
+        lines.append(f"| `{each.name}` | {' | '.join(cells)} | {each.source} |")
         sys.stderr.write(f"{lines[-1]}\n")
     return "\n".join(lines) + "\n"
 

@@ -570,8 +570,8 @@ def similar_preset(
     except PresetError as error:
         raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
     like_name = like.name if like.name.isprintable() else "another drive"
-    value_counts = f"{counts['given']} values given, {counts['assumed']} assumed"
-    head = f"# Made by hdassist presets new, like {like_name}: {value_counts}."
+    value_counts = f"values given: {counts['given']}, assumed: {counts['assumed']}"
+    head = f"# Made by hdassist presets new, scaled from {like_name}; {value_counts}."
     return f"{head}\n# yaml-language-server: $schema={SCHEMA_FILE}\n{text}"
 
 
@@ -582,15 +582,15 @@ def _similar_lines(
     description: str,
 ) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    yield "# `source` at the end of the file states how each value was chosen, and its range. Replace values that you"
-    yield "# know, with kind: given in `source`. Unknown values are not zero: results are ranges over them."
-    yield "# Assumed: a flexspline of steel (material.*), in the shape of a cup that is supported at its closed end"
-    yield "# (flexspline.l, flexspline.h_3, supports.C_2), on a flexible ball bearing (bearing.*), with two waves."
+    yield "# `source` at the end of the file states how each value was chosen, and its range. Replace the values that you"
+    yield "# know, and set kind: given in `source`. Unknown values are not zero: results are ranges over these values."
+    yield "# Assumed design: a steel flexspline (material.*) in the shape of a cup that is supported at its closed end"
+    yield "# (flexspline.l, flexspline.h_3, supports.C_2), a flexible ball bearing (bearing.*), and two mesh zones."
     yield f"schema: {PRESET_SCHEMA}"
     yield f"name: {_name(name)}"
     first_line = description or (
-        f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, by similarity from {like.name}. "
-        "Its absolute values are estimates; the origin of each is given in source."
+        f"Drive {z_g}/{z_b}, pitch diameter {m * z_g:.5g} mm, scaled from {like.name}. "
+        "The absolute values are estimates; `source` states the origin of each value."
     )
     if first_line.isprintable():
         yield "description: >-"

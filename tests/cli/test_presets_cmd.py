@@ -119,7 +119,7 @@ def test_on_a_terminal_the_table_fits_and_cuts_no_number(columns: int, monkeypat
 def test_in_a_pipe_no_reference_is_wrapped() -> None:
     (line,) = (line for line in run("show", "vzp160", "--resolved").stdout.splitlines() if "contact.c_ball" in line)
     assert line.rstrip().endswith(
-        "1.25e-5 to 2.857e-5; ISO/TS 16281 ball, tangent at 100-1000 N; Fig. 2 and 3 leave 1.9e-5 to 2.7e-5"
+        "1.25e-5 to 2.857e-5; ISO/TS 16281 ball, tangent at 100-1000 N; Fig. 2 and 3 allow 1.9e-5 to 2.7e-5"
     )
     assert len(line) > 80
 
@@ -281,7 +281,7 @@ def test_new_takes_what_a_catalogue_says() -> None:
 def test_new_is_like_another_drive() -> None:
     drive = made("--like", "synthetic-160-162", "--teeth", "200/202")
     assert drive.gears.m == 0.4
-    assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, as d")
+    assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, scaled with d")
 
 
 def test_new_preset_ratio_follows_the_fixed_wheel_of_its_template(tmp_path: Path) -> None:
@@ -341,7 +341,7 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
     given, assumed = kinds.count("given"), kinds.count("assumed")
     head, modeline = drive.read_text(encoding="utf-8").splitlines()[:2]
     assert modeline == f"# yaml-language-server: $schema={SCHEMA_FILE}"
-    assert head == f"# Made by hdassist presets new, like vzp160: {given} values given, {assumed} assumed."
+    assert head == f"# Made by hdassist presets new, scaled from vzp160; values given: {given}, assumed: {assumed}."
     assert run("validate", str(drive)).stdout.endswith(f"OK; assumed values: {assumed}\n")
 
 

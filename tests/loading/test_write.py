@@ -161,7 +161,7 @@ def test_changes_keep_comments_and_sequence_and_become_assumed_values() -> None:
     assert {line[2:] for line in lines if line.startswith("- ")} == {
         "  j_n: 0.48         # um, clearance per flank",
         "  M_g: [80, 800]    # N*m",
-        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; Fig. 2 and 3 leave 0 to 3 um"}',
+        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; Fig. 2 and 3 allow 0 to 3 um"}',
         '  operation.M_g: {kind: given, ref: "p. 6, Fig. 2 and 3"}',
     }
     assert {line[2:] for line in lines if line.startswith("+ ")} == {

@@ -279,8 +279,8 @@ _QUALITY = "quality"  # key in the requirements, in addition to fields
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 _SIMILAR_WORDS = {
     "same": "as {like}",
-    "d": "{like} x {s:.4g}, as d",
-    "1/d": "{like} / {s:.4g}, as 1/d",
+    "d": "{like} x {s:.4g}, scaled with d",
+    "1/d": "{like} / {s:.4g}, scaled with 1/d",
     "m": "{value:.4g} modules, as {like}",
 }
 
@@ -377,8 +377,8 @@ def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
     # torque grows with the cube of the diameter
     d = _rounded(pitch_diameter * (rated / like.rated_torque) ** (1 / 3))
     low, high = ((rated / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
-    law = f"{d:g} mm from {plain(rated)} N*m, d^3 as {like.name}"
-    return SimilarValue(d, "assumed", f"{law}; catalogues have {low:.3g} to {high:.3g} mm for it")
+    law = f"{d:g} mm from {plain(rated)} N*m, scaled with d^3 from {like.name}"
+    return SimilarValue(d, "assumed", f"{law}; in catalogues {low:.3g} to {high:.3g} mm")
 
 
 def _refuse_size(
@@ -540,12 +540,12 @@ def _shifts(
     shift_difference = round(g.x_b - g.x_g, 4)
     return {
         "gears.x_g": SimilarValue(
-            x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"
+            x_g, "assumed", f"gives a bore of {bore * d:.5g} mm, which is that of {like.name} scaled with d"
         ),
         "gears.x_b": SimilarValue(
             round(x_g + shift_difference, 4),
             "assumed",
-            f"x_g + {shift_difference:g}, as {like.name}; tips come clear of the mesh",
+            f"x_g + {shift_difference:g}, as {like.name}; the tips do not interfere",
         ),
     }
 
@@ -565,12 +565,12 @@ def _tolerances(
     usual = _rounded(F_p(d, m, usual_class), 2)
     coarse = _rounded(F_p(d, m, coarsest), 2)
     fine = 0.0 if finest is None else _rounded(F_p(d, m, finest), 2)
-    ends = f"0 to that of class {coarsest}" if finest is None else f"from class {finest} to class {coarsest}"
-    ref = f"F_p of class {usual_class}, ISO 1328-1:2013, instead of F'_i; {ends}"
+    ends = f"0 to class {coarsest}" if finest is None else f"class {finest} to class {coarsest}"
+    ref = f"F_p of class {usual_class} (ISO 1328-1:2013), used for F'_i; range: {ends}"
     if quality == "unknown":
-        ref += "; an assumed wide range, because the quality is unknown (--quality unknown)"
+        ref += "; assumed to be wide, because the quality is unknown (--quality unknown)"
     if m < 1:
-        ref += "; GOST 9178-81 is the Russian series for such modules"
+        ref += "; GOST 9178-81 is the Russian standard for such modules"
     return {
         wheel.size: SimilarValue(value=usual, kind="assumed", ref=ref, range=(fine, coarse))
         for wheel in COMPOSITES.values()
@@ -580,7 +580,7 @@ def _tolerances(
 def _backlash(d: float) -> dict[str, SimilarValue]:
     lost = _LOST_MOTION if d > _LARGE_SIZE else _LOST_MOTION_SMALL
     return {
-        "catalogue.lost_motion": SimilarValue(lost, "assumed", "usual value of manufacturers for such sizes"),
+        "catalogue.lost_motion": SimilarValue(lost, "assumed", "usual value in catalogues for such sizes"),
         "catalogue.play": SimilarValue(_PLAY, "assumed", "manufacturers state no backlash for these drives"),
     }
 
@@ -602,7 +602,7 @@ def _load(
         )
     shares = tuple(_rounded(torque / rated_torque * rating.value, 3) for torque in like.operation.M_g)
     return {
-        "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
+        "operation.M_g": SimilarValue(shares, "assumed", f"same shares of the rated torque as in {like.name}"),
         "operation.rated": rating,
     }
 
