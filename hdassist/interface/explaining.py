@@ -182,7 +182,7 @@ def _code_entries() -> Iterator[Entry]:
         meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
         if isinstance(item, Check):
             bound = "largest" if item.upper else "smallest"
-            limit = f"acceptance.{item.field}, the {bound} value allowed, {item.unit.replace('*', '·')}"
+            limit = f"acceptance.{item.field}, the {bound} permitted value, {item.unit.replace('*', '·')}"
             facts = (("limit", limit), *meaning)
             yield Entry(
                 kind="check",

@@ -155,7 +155,7 @@ def test_card_states_the_probability_of_its_hole_without_field_names():
         f"other position is better than hole 0 by more than 1 %, over all uncertain inputs: {100 * word:.0f} % ("
         in unsure.chance.lines[0]
     )
-    assert card(CARDS["any"]).chance.lines[0] == "With the known data, no hole is better than another."
+    assert card(CARDS["any"]).chance.lines[0] == "According to the known data, no hole is better than another."
     for each in (advice, UNSURE, UNKNOWN_TURN):
         changed_by_hand = ", ".join(each.drive.origin.overrides)
         assert not re.search(r"\b(tolerances|phases|gears)\.", everything(each).replace(changed_by_hand, ""))

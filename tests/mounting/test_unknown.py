@@ -119,7 +119,7 @@ def test_unknown_direction_gives_a_card_that_says_any_hole(tmp_path):
     assert (done.returncode, done.stdout) == (0, "any\n")
     text = " ".join((tmp_path / "card.txt").read_text(encoding="utf-8").split())
     assert "Probability: ANY HOLE" in text
-    assert "With the known data, no hole is better than another." in text
+    assert "According to the known data, no hole is better than another." in text
     assert "also measure it for hole 0, hole 4, hole 8" in text
     given = run("mount", *open_, "--card", "card.txt", "--assume-phases", cwd=tmp_path)
     assert (given.returncode, "--set phases.phi_hb=0" in given.stderr) == (2, True)

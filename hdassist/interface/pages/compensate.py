@@ -296,7 +296,7 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     cases_in_words = tuple(_case_words(residual) for residual in heads)
     none = ("uncorrected", *(f"{residual.uncorrected_p50:.1f}" for residual in heads))
     rows = [(form_words(residual.form.name), *(_range(residual.residuals[k]) for k in cases)) for residual in forms]
-    title = f"residual F'_ior, ″; last columns: with a wrong zero or one revolution lost, at {heads[-1].M_g:g} N·m"
+    title = f"residual F'_ior, ″; last columns: with a wrong zero or with lost revolutions, at {heads[-1].M_g:g} N·m"
     return Table(title, ("correction", *cases_in_words), (none, *rows))
 
 

@@ -742,7 +742,7 @@ def _iso230_table(test: PositioningTest) -> Table:
     required = "" if test.is_complete else f" (the standard requires {FEWEST_APPROACHES})"
     noun = "approach" if test.approaches == 1 else "approaches"
     number = f"{test.approaches} {noun} from each side{required}"
-    return Table.by_row(f"figures of ISO 230-2 from {number}; + forward, - backward", _ISO230_COLUMNS, test.figures)
+    return Table.by_row(f"quantities of ISO 230-2 from {number}; + forward, - backward", _ISO230_COLUMNS, test.figures)
 
 
 def _iso230_object(test: PositioningTest) -> Json:
