@@ -103,7 +103,8 @@ def presets() -> Iterator[tuple[str, str]]:
         d = round(MM_A_SIZE * each.size, 2)
         required = each.figures | {
             "gears.z_g": SimilarValue(200, "given", "ratio 100, two waves"),
-            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}; derived, not stated in catalogues"),
+            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}; derived, not stated in "
+                "catalogues"),
             "operation.rated": SimilarValue(each.rated, "given", RATED),
             "cam.coupling": SimilarValue("oldham", "assumed", COUPLING),
         }
@@ -128,7 +129,8 @@ def presets() -> Iterator[tuple[str, str]]:
         yield name, similar_preset(
             name, like, required,
             f"Motor gear unit {title}, scaled from vzp160. The model has not been compared with measurements. "
-            "The rated torque is given. The name states the inner diameter of the flexspline; the ratio is not published.",
+            "The rated torque is given. The name states the inner diameter of the flexspline; "
+                "the ratio is not published.",
         )  # fmt: skip
 
 

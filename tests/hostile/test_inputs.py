@@ -137,7 +137,8 @@ def test_a_pipe_with_a_writer_is_read(folder):
 
 
 def test_targets_from_standard_input_are_checked_like_a_file(folder):
-    require_refused(run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}"), "is not a known quantity")
+    none = run("calibrate", TINY, "--targets", "-", stdin=TARGETS % "{quantity: none}")
+    require_refused(none, "is not a known quantity")
     require_refused(run("calibrate", "-", "--targets", "-"), "standard input")
 
 

@@ -65,7 +65,8 @@ SCREEN
 The top shows F'_ior (the peak-to-peak kinematic error over the full mesh cycle) at each torque: median, 5th and 95th \
 percentile over the uncertain inputs. It also shows the limit, the verdict of check, the margin from the 95th \
 percentile to the limit, and the probability that the limit is met. The change is relative to the preset, or to the \
-pinned drive; the best hole is shown with its F'_ior. The bars of the first torque look like ─◌─, those of the second like ═▫═.
+pinned drive; the best hole is shown with its F'_ior. The bars of the first torque look like ─◌─, those of the second \
+like ═▫═.
 
 After a change, the previous result remains visible and is marked old. F'_ior of a typical drive before and after the \
 change is shown next to it.
@@ -84,9 +85,9 @@ The card is the same as that of mount, and it is written only if mount would wri
 
 INPUTS
 ? uncertain, * changed here. The value is followed by a plausible step, and by the resulting change of F'_ior \
-[arcsec] for a typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the pinned drive \
-differs come first, with the step to its value; then the fields with the largest change, in a sequence that stays \
-the same until o sorts them again.
+[arcsec] for a typical drive. If a field is uncertain, a step is about one standard deviation. Fields in which the \
+pinned drive differs come first, with the step to its value; then the fields with the largest change, in a sequence \
+that stays the same until o sorts them again.
 Enter edits the field; an empty value reverts a change. Both numbers of teeth change together: enter one of them (120) \
 or the ratio (60:1).
 k changes x_b with W_0, so that the flank clearance remains the same.
@@ -266,7 +267,8 @@ class _Exporting(Asking):
             )
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
-        hint = "a name that ends in .html, or any other name for Markdown; contains the page of check, but not mount or stiffness"
+        hint = ("a name that ends in .html, or any other name for Markdown; contains the page of check, "
+            "but not mount or stiffness")
         self.ask_and_write_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
@@ -626,7 +628,8 @@ class Explorer(_Exporting):
             self.notify(visible(message), severity="warning", markup=False)
             return
         if place == self.session.turn_deg:
-            self.notify(f"already shown: F'_ior with the wheel in {hole_words(place, self.session.drive.mounting.holes)}")
+            self.notify("already shown: F'_ior with the wheel in "
+                f"{hole_words(place, self.session.drive.mounting.holes)}")
         self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:
