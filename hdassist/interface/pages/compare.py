@@ -471,9 +471,8 @@ def _verdict(result: DrivesComparison) -> str:
         verdicts.append(f"{letter} {', '.join(sentences)}")
     choice = f"{result.word.lower()} {letters[result.best]}"
     if result.word == "ANY":
-        choice = "any drive, because all are equal" if result.all_alike else ("any drive, because the "
-            "difference is not "
-            "significant")
+        reason = "all are equal" if result.all_alike else "the difference is not significant"
+        choice = f"any drive, because {reason}"
     return f"{choice}: F'_ior of {'; '.join(verdicts)}"
 
 
