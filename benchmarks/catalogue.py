@@ -103,8 +103,9 @@ def presets() -> Iterator[tuple[str, str]]:
         d = round(MM_A_SIZE * each.size, 2)
         required = each.figures | {
             "gears.z_g": SimilarValue(200, "given", "ratio 100, two waves"),
-            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}; derived, not stated in "
-                "catalogues"),
+            PITCH_DIAMETER: SimilarValue(
+                d, "assumed", f"2.54 mm x size {each.size}; derived, not stated in catalogues"
+            ),
             "operation.rated": SimilarValue(each.rated, "given", RATED),
             "cam.coupling": SimilarValue("oldham", "assumed", COUPLING),
         }

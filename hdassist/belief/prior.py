@@ -295,8 +295,10 @@ class _Knowledge:
             return self._prior(path, distribution, assumption.low, assumption.high, assumption.reason)
         play = self.drive.catalogue.play
         if path == RIGID_SHIFT and play and _follows(self.drive):
-            reason = (f"the teeth mesh with a backlash of at most {play:g} arcsec and a preload of at most "
-                f"{PRELOAD:g} modules")
+            reason = (
+                f"the teeth mesh with a backlash of at most {play:g} arcsec and a preload of at most "
+                f"{PRELOAD:g} modules"
+            )
             return self._prior(path, "meshing", -PRELOAD, _shift_of_backlash(self.drive, play), reason)
         if path in self.unknown:
             unknown = self.unknown[path]

@@ -582,8 +582,9 @@ def _similar_lines(
     description: str,
 ) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    yield ("# `source` at the end of the file states how each value was chosen, and its range. Replace "
-        "the values that you")
+    yield (
+        "# `source` at the end of the file states how each value was chosen, and its range. Replace the values that you"
+    )
     yield "# know, and set kind: given in `source`. Unknown values are not zero: results are ranges over these values."
     yield "# Assumed design: a steel flexspline (material.*) in the shape of a cup that is supported at its closed end"
     yield "# (flexspline.l, flexspline.h_3, supports.C_2), a flexible ball bearing (bearing.*), and two mesh zones."

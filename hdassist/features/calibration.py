@@ -275,8 +275,9 @@ def _unknown(
     high = bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
         document.add(
-            path, "low must be below high, and both must be within "
-                f"{measures()[key].range_words()}", got=f"{low:g}, {high:g}"
+            path,
+            f"low must be below high, and both must be within {measures()[key].range_words()}",
+            got=f"{low:g}, {high:g}",
         )
     # as for priors, a wide positive range is logarithmic
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
@@ -360,8 +361,9 @@ def _target_numbers(
     for key in ("M_g", "T_1", "T_2"):
         # without torque, backlash leaves the rotation undetermined
         if numbers.get(key) == 0:
-            document.add((*path, key), "must not be 0, because backlash leaves the rotation undetermined "
-                "without torque")
+            document.add(
+                (*path, key), "must not be 0, because backlash leaves the rotation undetermined without torque"
+            )
     return numbers if len(document.findings) == faults else None
 
 

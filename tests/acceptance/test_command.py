@@ -123,8 +123,9 @@ def test_unstated_uncertainty_source_is_inconclusive_and_named_with_its_option(r
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
-    words = ("no standard uncertainty is stated for coupling, temperature: use --budget "
-        "coupling=U,temperature=U (in ″; 0")
+    words = (
+        "no standard uncertainty is stated for coupling, temperature: use --budget coupling=U,temperature=U (in ″; 0"
+    )
     page = in_a_line(done.stdout)
     assert words in page
     following = page.partition("next ")[2].partition(" more ")[0]

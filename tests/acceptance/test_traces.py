@@ -58,9 +58,8 @@ def test_short_partial_cycle_can_fail_a_drive_but_never_pass():
         assert "COVERAGE" in [note.code for note in found.remarks]
     facts = facts_of(accept_report(found, None, drive))
     assert (
-        facts["measure"]
-        == "the full mesh cycle of 30 input revolutions; a recording of less than a third of the "
-            "cycle cannot result in PASS"
+        facts["measure"] == "the full mesh cycle of 30 input revolutions; a recording of less than a third of the "
+        "cycle cannot result in PASS"
     )
     assert facts["next"].endswith("--measured 4=FILE --budget encoder=U,coupling=U,reseating=U,temperature=U")
     assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"

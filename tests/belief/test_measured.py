@@ -155,8 +155,11 @@ def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     # eight effective ones are an answer that says how few they are; no verdict rests on the point
     samples = believed(drive, (4.0,), replace(few, least=8))
     assert 8 <= samples.effective < 64 and samples.draws == 64
-    assert re.match(rf"effective sample size {samples.effective:.3g} from 64 samples, 64 "
-        rf"required, so", *samples.remarks)
+    assert re.match(
+        rf"effective sample size {samples.effective:.3g} from 64 samples, 64 "
+        rf"required, so",
+        *samples.remarks,
+    )
     every = samples.probability_within(2 * samples.F_ior_arcsec.max(), 0)
     assert (every.value, every.verdict()) == (1.0, Verdict.INCONCLUSIVE)
     assert every.text(0.95).endswith("PASS needs 95 % over the whole interval")

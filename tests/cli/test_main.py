@@ -69,8 +69,11 @@ def test_a_bug_is_exit_code_1_and_says_so():
     [
         (MemoryError(), 5, "error: not enough memory"),
         (OSError(24, "Too many open files"), 4, "error: the operating system refused a resource: Too many open files"),
-        (OSError(11, "Resource temporarily unavailable"), 4, "error: the operating system refused a resource: "
-            "Resource"),
+        (
+            OSError(11, "Resource temporarily unavailable"),
+            4,
+            "error: the operating system refused a resource: Resource",
+        ),
     ],
 )
 def test_what_the_system_refuses_is_no_bug(fault, code, said):

@@ -281,7 +281,7 @@ def test_new_takes_what_a_catalogue_says() -> None:
 def test_new_is_like_another_drive() -> None:
     drive = made("--like", "synthetic-160-162", "--teeth", "200/202")
     assert drive.gears.m == 0.4
-    assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, scaled with d")
+    assert drive.source["flexspline.h_1"].ref.startswith("synthetic-160-162 x 1, in proportion to the diameter")
 
 
 def test_new_preset_ratio_follows_the_fixed_wheel_of_its_template(tmp_path: Path) -> None:

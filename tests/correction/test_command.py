@@ -128,7 +128,8 @@ def test_weak_table_is_written_with_a_warning_naming_better_formats(tmp_path: Pa
     assert done.returncode == 0
     before, _, after = done.stderr.partition("wrote t.comp")
     assert "warning: 30 points per output revolution leave " in before
-    assert (" halves the error. Formats that can store it: csv, c, linuxcnc-1, twincat-cnc, twincat-nc, "
-        "siemens-840d") in before
+    assert (
+        " halves the error. Formats that can store it: csv, c, linuxcnc-1, twincat-cnc, twincat-nc, siemens-840d"
+    ) in before
     assert not after.strip()
     assert "warning" not in run(*poor, "c=t.h", "--points", "720", cwd=tmp_path).stderr

@@ -71,8 +71,11 @@ def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
         (1, TURN // 2, "the zero of the correction is off by 180° of input rotation"),
         (1, 20, "the zero of the correction is off by 40° of input rotation"),
         (1, -3 * TURN, "3 input revolutions are lost"),
-        (-1, TURN // 4, "the sign of the correction is wrong, the zero of the correction is off by 90° of input "
-            "rotation"),
+        (
+            -1,
+            TURN // 4,
+            "the sign of the correction is wrong, the zero of the correction is off by 90° of input rotation",
+        ),
         (0, 0, "the correction is not active"),
     ],
 )

@@ -223,8 +223,9 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
     text = name.read_text()
     sha256 = hashlib.sha256(Path(TINY).read_bytes()).hexdigest()
     assert f"# preset tiny, sha256 {sha256[:8]}" in text and "axis 3" in text and "reads 12.5 deg" in text
-    assert ("# at 1 N*m: expected residual range "
-        "15.51 arcsec") in text and "expected residual range 15.51" in answer.stderr
+    assert (
+        "# at 1 N*m: expected residual range 15.51 arcsec"
+    ) in text and "expected residual range 15.51" in answer.stderr
     assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
 
 

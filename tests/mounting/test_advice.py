@@ -162,7 +162,7 @@ def test_measuring_does_not_stop_next_to_a_likely_better_hole():
     assert likely.next.hole == 2
     assert next_value_words(likely) == (
         "Before bolting, measure F'_ior in hole 2. Probability that hole 2 is better than hole 1 "
-            "by more than 2 %: 30 %."
+        "by more than 2 %: 30 %."
     )
 
 
@@ -182,5 +182,5 @@ def test_a_value_is_measured_for_its_number_with_a_reason():
     few = replace(doubting(0.0, 0.0), trials=(Trial(288.0, 30.0),))
     assert next_value_words(few).startswith(
         "Before bolting, measure F'_ior in hole 4 again: with fewer than 5 values, a reading "
-            "error may go unnoticed. Mean F'_ior"
+        "error may go unnoticed. Mean F'_ior"
     )

@@ -279,8 +279,8 @@ _QUALITY = "quality"  # key in the requirements, in addition to fields
 _WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 _SIMILAR_WORDS = {
     "same": "as {like}",
-    "d": "{like} x {s:.4g}, scaled with d",
-    "1/d": "{like} / {s:.4g}, scaled with 1/d",
+    "d": "{like} x {s:.4g}, in proportion to the diameter",
+    "1/d": "{like} / {s:.4g}, inversely proportional to the diameter",
     "m": "{value:.4g} modules, as {like}",
 }
 
@@ -377,7 +377,7 @@ def _size_by_torque(like: Drive, rated: float | None) -> SimilarValue:
     # torque grows with the cube of the diameter
     d = _rounded(pitch_diameter * (rated / like.rated_torque) ** (1 / 3))
     low, high = ((rated / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
-    law = f"{d:g} mm from {plain(rated)} N*m, scaled with d^3 from {like.name}"
+    law = f"{d:g} mm from {plain(rated)} N*m, scaled with the cube of the diameter from {like.name}"
     return SimilarValue(d, "assumed", f"{law}; in catalogues {low:.3g} to {high:.3g} mm")
 
 
@@ -540,7 +540,7 @@ def _shifts(
     shift_difference = round(g.x_b - g.x_g, 4)
     return {
         "gears.x_g": SimilarValue(
-            x_g, "assumed", f"gives a bore of {bore * d:.5g} mm, which is that of {like.name} scaled with d"
+            x_g, "assumed", f"gives a bore of {bore * d:.5g} mm, that of {like.name} in proportion to the diameter"
         ),
         "gears.x_b": SimilarValue(
             round(x_g + shift_difference, 4),

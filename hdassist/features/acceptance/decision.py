@@ -757,8 +757,9 @@ def _why_open(
         return reason
     names = ", ".join(accepted.unstated)
     options = ",".join(f"{name}=U" for name in accepted.unstated)
-    return (f"no standard uncertainty is stated for {names}: use --budget {options} (in ″; 0 for a source "
-        "without effect)")
+    return (
+        f"no standard uncertainty is stated for {names}: use --budget {options} (in ″; 0 for a source without effect)"
+    )
 
 
 def _why_within_guard(

@@ -218,8 +218,10 @@ class Request(ClosedRecord):
                 recorded |= self._at_positions(record.table, error_range, quantities, M_g, drive)
             else:
                 message = f"{record.table.file}: F'_ior cannot be computed from a torque loop"
-                hint = ("compute its quantities with hdassist measure, and pass them to hdassist accept "
-                    "with --value NAME=VALUE±U")
+                hint = (
+                    "compute its quantities with hdassist measure, and pass them to hdassist accept "
+                    "with --value NAME=VALUE±U"
+                )
                 raise DataError(message, hint)
         for limit in stated:
             # a value and a recording for the same limit may contradict each other
@@ -530,8 +532,10 @@ def _columns(table: CellTable) -> list[_Column | None]:
         columns.append(column)
     # if no column fits, the table is of another kind
     if len(findings) == len(table.names) > 1:
-        remedy = (f"for a recording, use hdassist measure {table.file} or hdassist accept PRESET --measured "
-            f"TORQUE={table.file}")
+        remedy = (
+            f"for a recording, use hdassist measure {table.file} or hdassist accept PRESET --measured "
+            f"TORQUE={table.file}"
+        )
         raise DataError(f"{table.file}: no column has a name that is valid in a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)

@@ -23,9 +23,9 @@ _HEIDENHAIN_LARGEST_DEG = 1.0
 
 NO_COMPENSATION = {  # controllers without backlash compensation and without a table of points, and the reasons
     "fluidnc": "FluidNC supports neither backlash compensation nor compensation tables; its developers have "
-        "declined both",
+    "declined both",
     "grbl": "grbl supports neither backlash compensation nor compensation tables; grblHAL (grblhal) has "
-        "a backlash setting",
+    "a backlash setting",
 }
 
 
@@ -121,7 +121,7 @@ BACKLASH_FORMATS = {
         line=_heidenhain,
         comment=";",
         setup="enter the line in the machine parameters; the value is positive because the motor "
-            "encoder leads the output",
+        "encoder leads the output",
         why_no_table="the consulted manuals do not describe the lines of a .COM file",
     ),
 }
@@ -173,7 +173,7 @@ def backlash_file(
         source,
         f"lost motion at {backlash.torque_Nm:g} N*m: {backlash.arcsec:.2f} +- {expanded:.2f} arcsec (k = 2)",
         "not compensated: the deviation of the lost motion from its mean (up to "
-            f"{backlash.departure_arcsec:.2f} arcsec) "
+        f"{backlash.departure_arcsec:.2f} arcsec) "
         "and the kinematic error in each direction",
     ]
     if backlash.has_lag:

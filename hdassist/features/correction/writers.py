@@ -260,7 +260,7 @@ def controller_file(
         "subtract the error (actual minus ideal output angle)",
         *(
             f"at {residual.M_g:g} "
-                f"N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected residual range "
+            f"N*m{'' if residual.case == 'in place' else ', ' + residual.case}: expected residual range "
             f"{residual.p50:.2f} arcsec ({residual.p5:.2f} to {residual.p95:.2f}), without correction "
             f"{residual.uncorrected_p50:.2f}"
             for residual in table.promised
@@ -578,7 +578,7 @@ CONTROLLER_FORMATS = {
         turns=("output",),
         lines=_siemens,
         setup="load the file with MD32700 ENC_COMP_ENABLE = 0, then set it to 1; MD38000 must exceed "
-            "the number of points",
+        "the number of points",
         comment=";",
         comments_at=2,
     ),
@@ -587,7 +587,7 @@ CONTROLLER_FORMATS = {
         turns=("cam", "half-cam"),
         lines=_moteus,
         setup="load with moteus_tool --write-config; the firmware needs compensation_scale, and the "
-            "source the input angle",
+        "source the input angle",
         played=_moteus_played,
     ),
     "eqmod": ControllerFormat(

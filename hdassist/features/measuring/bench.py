@@ -402,8 +402,9 @@ def _positions_of_runs(
     are_angles = [table.roles[column] in _ANGLE_ROLES for column in runs]
     has_angles = any(are_angles)
     if has_angles and not all(are_angles):
-        raise table.fault("some runs contain deviations, others "
-            "contain angles", "use either deviations or angles in all runs")
+        raise table.fault(
+            "some runs contain deviations, others contain angles", "use either deviations or angles in all runs"
+        )
     _require_columns(form, has_angles=has_angles)
     target = table.in_unit(target_column, "target", "deg", units[0] if units else None, "--angle-unit")
     readings = []

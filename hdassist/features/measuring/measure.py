@@ -72,7 +72,7 @@ DIRECTION_NAMES = {1: "increasing", -1: "decreasing"}  # direction of the input 
 _STEPS_PER_PERIOD = 2.5  # smallest number of angle steps in a period of the highest order
 DRIFT_LEFT = (
     "a linear drift of {:.3g}″ over the recording is not removed, because it may be a slow "
-        "order; --drift linear removes it"
+    "order; --drift linear removes it"
 )
 _DRIFT_OFF = (
     "the curve does not close over the cycle, so a linear drift of {:.3g}″ is removed. With the drift, the range would "
@@ -456,8 +456,10 @@ class _RecordUnderway:
         results = [self._result(sign) for sign in signs]
         directions = [result for result in results if result is not None]
         if not directions:
-            hint = ("record at least one input revolution in one direction; check the column and the "
-                "unit of the input angle")
+            hint = (
+                "record at least one input revolution in one direction; check the column and the "
+                "unit of the input angle"
+            )
             raise DataError(f"{self.trace.file}: less than one input revolution in one direction", hint)
         return sorted(directions, key=lambda sweep: -sweep.range.value)
 
@@ -478,8 +480,9 @@ class _RecordUnderway:
         result = self._sweep_result(sign, fit, drift_left, torque_miss)
         if not fit.unmodelled < _UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
-            self.warnings.append(f"the declared orders leave an error of {size}: declare more orders, or "
-                "remove a drift")
+            self.warnings.append(
+                f"the declared orders leave an error of {size}: declare more orders, or remove a drift"
+            )
         shafts = shaft_components(self.trace.one_way(sign), fit, self.shafts, self.gearing)
         return replace(result, shafts=shafts)
 
@@ -865,8 +868,9 @@ def _require_fine_steps(trace: MeasuredTrace, F_ior: Range) -> None:
     """Raise UntrustedError if the output readings have steps so coarse that rounding looks like error."""
     if trace.in_time and trace.step_arcsec > _COARSE_STEP * F_ior.value:
         size = f"{trace.step_arcsec:.2g}″"
-        message = (f"the output is sampled at even angles in steps of {size}, so rounding cannot be "
-            "distinguished from error")
+        message = (
+            f"the output is sampled at even angles in steps of {size}, so rounding cannot be distinguished from error"
+        )
         hint = "sample both encoders at constant time intervals"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
@@ -1037,8 +1041,10 @@ class Reading(ClosedRecord, TraceForm):
         result = self.measured_or_bench(file, drive, ratio, **how)
         if not isinstance(result, Measurement):
             kind = "approached positions or a torque loop, not a recording of angles and errors"
-            hint = ("compute its quantities with hdassist measure, and pass them to hdassist accept with "
-                "--value NAME=VALUE±U")
+            hint = (
+                "compute its quantities with hdassist measure, and pass them to hdassist accept with "
+                "--value NAME=VALUE±U"
+            )
             raise DataError(f"{result.table.file}: {kind}", hint)
         require_recorded(result.trace, how.get("M_g"))
         if result.trace.is_lower_bound:

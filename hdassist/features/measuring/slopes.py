@@ -372,8 +372,10 @@ def at_torque(
     if not is_kept.any():
         ranges = ", ".join(dict.fromkeys(_torque_text(load) for load in loads))
         message = f"{trace.file}: its column of torque contains {ranges} N·m, not {M_g:g}"
-        hint = (f"select a recorded torque, or record at {M_g:g} N·m; rename the column if it does not "
-            "contain the load torque")
+        hint = (
+            f"select a recorded torque, or record at {M_g:g} N·m; rename the column if it does not "
+            "contain the load torque"
+        )
         raise DataError(message, hint, Fault.FILE_INVALID)
     if not is_recorded:
         trace = replace(trace, is_between_torques=True)

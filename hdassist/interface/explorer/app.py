@@ -267,8 +267,10 @@ class _Exporting(Asking):
             )
             return report_html(report) if path.endswith(".html") else report_markdown(report, style)
 
-        hint = ("a name that ends in .html, or any other name for Markdown; contains the page of check, "
-            "but not mount or stiffness")
+        hint = (
+            "a name that ends in .html, or any other name for Markdown; contains the page of check, "
+            "but not mount or stiffness"
+        )
         self.ask_and_write_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
@@ -628,8 +630,9 @@ class Explorer(_Exporting):
             self.notify(visible(message), severity="warning", markup=False)
             return
         if place == self.session.turn_deg:
-            self.notify("already shown: F'_ior with the wheel in "
-                f"{hole_words(place, self.session.drive.mounting.holes)}")
+            self.notify(
+                f"already shown: F'_ior with the wheel in {hole_words(place, self.session.drive.mounting.holes)}"
+            )
         self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:

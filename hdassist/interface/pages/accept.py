@@ -503,7 +503,7 @@ def _failed_words(failed: Sequence[_FailedDrive]) -> str:
     if unnamed > 0:
         text += f"; and of {unnamed} further drive{'' if unnamed == 1 else 's'}"
     if len(named) > 1:
-        text += '. The next command is for the first of these drives'
+        text += ". The next command is for the first of these drives"
     return text
 
 

@@ -178,8 +178,10 @@ def _why(result: Comparison) -> str:
         return f"Noise{single_teeth} and small errors of the stiffnesses explain the difference."
     if mirror := result.mirror:
         rms_arcsec = result.difference_rms_arcsec
-        return (f"The difference is {rms_arcsec:.2f}″ rms, and {mirror.rms_arcsec:.2f}″ rms with "
-            f"{' '.join(_options(result))}.")
+        return (
+            f"The difference is {rms_arcsec:.2f}″ rms, and {mirror.rms_arcsec:.2f}″ rms with "
+            f"{' '.join(_options(result))}."
+        )
     if best is None:
         return "No deviation explains the difference."
     explained = best.explained_share
@@ -211,8 +213,10 @@ def _facts(result: Comparison) -> Iterator[Fact]:
             equally_good_words = f"{', '.join(equal_deviations)}; the recording does not distinguish these deviations"
         yield "or", equally_good_words
     if joint and joint.not_told_apart:
-        yield "together", ("the recording does not distinguish between "
-            f"{'; '.join(map(' and '.join, joint.not_told_apart))}")
+        yield (
+            "together",
+            (f"the recording does not distinguish between {'; '.join(map(' and '.join, joint.not_told_apart))}"),
+        )
     if explanation := joint if joint and joint.orders_left else best:
         order_texts = [
             f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in explanation.orders_left
@@ -259,8 +263,9 @@ def _tables(result: Comparison) -> Iterator[Table]:
     """Yield the table of the largest orders and, if deviations were fitted, the table of the fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    title = (f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of "
-        f"{len(result.orders)} orders")
+    title = (
+        f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} largest of {len(result.orders)} orders"
+    )
     yield Table.by_row(title, _COMPARED_ORDERS, shown)
     if result.singles:
         title = (
@@ -501,8 +506,9 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
             notes.append(f"median (5 to 95 %) over {changes.pairs} pairs of sampled drives")
         paths = _some(changes.not_alone)
         if paths:
-            notes.append("not changed alone, because most drives would then be impossible or have more "
-                f"unknown inputs: {paths}")
+            notes.append(
+                f"not changed alone, because most drives would then be impossible or have more unknown inputs: {paths}"
+            )
         yield Table(
             title,
             ("", *torques),
@@ -531,8 +537,10 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         yield f"{letter} main cause", _most_by(result, changes)
     if result.rated_shares:
-        yield "torques", ("the presets have no torque in common; each drive is computed at "
-            f"{' and '.join(_loads(result))}")
+        yield (
+            "torques",
+            (f"the presets have no torque in common; each drive is computed at {' and '.join(_loads(result))}"),
+        )
     yield "differs", _some([row[0].path for row in result.differing])
     cells = [
         (change.F_ior_is[k], change.probability_better[k], f" at {M_g:g} N·m" if len(result.torques) > 1 else "")

@@ -134,8 +134,10 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     ]
     measure = []
     if found.verdict is Verdict.FAIL:
-        unknown = ("Neither a wrong sign nor a wrong zero nor a lost revolution explains this: check "
-            "whether load, hole or drive has changed.")
+        unknown = (
+            "Neither a wrong sign nor a wrong zero nor a lost revolution explains this: check "
+            "whether load, hole or drive has changed."
+        )
         why.append(f"Probable cause: {found.cause}." if found.cause else unknown)
     elif found.verdict is Verdict.INCONCLUSIVE:
         measure = [("measure", "the full mesh cycle twice or more with the correction on, to determine the noise")]

@@ -197,8 +197,10 @@ def _limits_of_trace(
         yield "Computed from the preset; measurements of the drive are not taken into account."
     if is_part:
         cycle = trace.error.kinematics.cycle_cam_revolutions
-        yield (f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least "
-            "as large as this range.")
+        yield (
+            f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least "
+            "as large as this range."
+        )
     if unknowns(drive):
         yield _UNKNOWN_AS_ZERO
 
@@ -314,8 +316,9 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     """Yield segments, lost motion, assumptions and the next command, each as a label and a text."""
     segments = ""
     if ends_elsewhere(drive.catalogue, found.positive):
-        segments = ("the segments end at torques other than those in the catalogue, so their stiffnesses are "
-            "not compared")
+        segments = (
+            "the segments end at torques other than those in the catalogue, so their stiffnesses are not compared"
+        )
     yield "segments", segments
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; backlash {found.play_arcsec:.2f}″"
@@ -333,8 +336,10 @@ def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
     origin = " (assumed)" if source and source.kind == "assumed" else ""
     excess = off(lost_motion_arcsec, limit_arcsec) or 0.0
     compared = f"exceeds this limit by {excess:.0f} %" if excess > 0 else "is below this limit"
-    return (f"at most {limit_arcsec:g}″{origin}, friction included; the lost motion of the model, which "
-        f"omits friction, {compared}")
+    return (
+        f"at most {limit_arcsec:g}″{origin}, friction included; the lost motion of the model, which "
+        f"omits friction, {compared}"
+    )
 
 
 _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")

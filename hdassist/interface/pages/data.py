@@ -120,8 +120,10 @@ def _warnings(result: Calibration) -> Iterator[str]:
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations affect F'_ior
         yield from unknown_notes(result.drive)
     if result.shortfall:
-        yield (f"targets are missed: {result.shortfall}; the values are the nearest that were found, and "
-            "--write writes no preset")
+        yield (
+            f"targets are missed: {result.shortfall}; the values are the nearest that were found, and "
+            "--write writes no preset"
+        )
     if open_ := [value.path for value in result.values if value.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:

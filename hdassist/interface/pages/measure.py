@@ -427,8 +427,9 @@ def _slow(found: SweepResult) -> str:
     size = f"{found.slow_arcsec:.2f}″"
     # a part of an output revolution does not determine the cause of slow terms, so they were removed
     if found.is_part:
-        return (f"slow terms of {size} removed, because part of a revolution does not distinguish drive, "
-            "drift and test rig")
+        return (
+            f"slow terms of {size} removed, because part of a revolution does not distinguish drive, drift and test rig"
+        )
     largest = max(slow, key=lambda order: order.amplitude_arcsec)
     low, high = found.cam.interval
     cause = f" ({largest.cause})" if largest.cause else ""

@@ -14,7 +14,7 @@ from hdassist.drive.preset.text import shown
 from hdassist.features.correction.forms import form_words
 from hdassist.features.mounting.advice import UNSHOWN_VALUES, Advice, Verification
 from hdassist.features.mounting.decision import FEWEST_SURE, FEWEST_VALUES, LEVELS
-from hdassist.features.mounting.positions import MountingCurve, bare, hole_of, named_position
+from hdassist.features.mounting.positions import MountingCurve, Position, bare, hole_of, named_position
 from hdassist.features.mounting.posterior import HolePosterior, Trial
 from hdassist.features.report import (
     CsvTable,

@@ -298,7 +298,7 @@ def _procedure(choice: PlanChoice) -> tuple[str, ...]:
         f"Load the output with a constant torque of {choice.M_g:g} N·m, as in use (positive: counter-clockwise).",
         f"Warm up for {run.warm_up_min:g} min at an input speed of {run.cam_rpm:g} rpm. Record the temperature.",
         f"Take any output angle as 0. To take up the backlash, first move back by {lead_deg}, and "
-            f"move on by {lead_deg} "
+        f"move on by {lead_deg} "
         "before each reversal.",
         f"Approach each position {sides}, {run.repeats} {times}. Never overshoot a position.",
         f"Wait {run.dwell_s:g} s, then read the output. Record the temperature again at the end.",
@@ -310,7 +310,7 @@ def _evaluation(choice: PlanChoice, file: str) -> tuple[str, ...]:
     low, middle, high = map(_percent, choice.test.judged.seen)
     rules = [
         "Average repeated readings. The result is the largest minus the smallest deviation of "
-            "approaches from one side.",
+        "approaches from one side.",
         f"The test captures {low} to {high} % of F'_ior (median {middle} %).",
         _verdicts(choice.test),
     ]

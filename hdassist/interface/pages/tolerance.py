@@ -266,8 +266,10 @@ def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
         designs = f"only {summary.design_count} designs were sampled"
         yield f"{designs}; a yield range needs at least {_FEW_DESIGNS}. Use more drives (-n)"
     if summary.refused:
-        yield (f"{len(summary.refused)} drives have no result ({summary.reason}); the range of the yield "
-            "covers both PASS and FAIL for these drives")
+        yield (
+            f"{len(summary.refused)} drives have no result ({summary.reason}); the range of the yield "
+            "covers both PASS and FAIL for these drives"
+        )
 
 
 def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
@@ -611,7 +613,7 @@ def _assumed_costs(allocator: Allocator) -> list[str]:
         return []
     return [
         f"costs are assumed (1 at present, increasing as 1/tolerance): {', '.join(assumed)} (set "
-            "them in the section cost of the preset)"
+        "them in the section cost of the preset)"
     ]
 
 
