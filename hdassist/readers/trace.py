@@ -633,7 +633,7 @@ def _moves_of_readings(
     row_count = len(readings.cam_deg)
     left_out = row_count - sum(map(len, moves))
     if left_out:
-        table.notes.append(f"left out, turning points and short moves: {left_out} of {row_count} rows")
+        table.notes.append(f"rows left out at turning points and in short moves: {left_out} of {row_count}")
     return moves
 
 

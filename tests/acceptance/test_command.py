@@ -203,7 +203,7 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
 def test_a_limit_that_nothing_predicts_asks_for_its_own_value():
     done = run("accept", TINY, "--limit", "repeatability=5")
     assert done.returncode == 4
-    assert "hint: --value repeatability=VALUE±U (hdassist" in done.stderr
+    assert "hint: use --value repeatability=VALUE±U (hdassist" in done.stderr
 
 
 def test_positions_of_no_plan_are_a_lower_bound(tmp_path):

@@ -54,7 +54,7 @@ def test_a_report_has_it() -> None:
     ("limit", "words"),
     [
         ("4:30", "must be a number (got 4:30"),
-        ("F_iro@4=30", "NAME one of F_ior"),
+        ("F_iro@4=30", "NAME is one of F_ior"),
         ("F_ior@4=", "expected [NAME[@TORQUE]=]VALUE"),
         ("lost_motion=30", "use hdassist accept for other limits"),
         ("F_ior@7=30", "--torque 7"),

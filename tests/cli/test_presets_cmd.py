@@ -213,7 +213,7 @@ def test_new_prints_a_valid_preset() -> None:
     result = run("new", "my drive")
     assert load_text(result.stdout, "f").name == "my drive"
     assert result.stdout.isascii()
-    assert run("validate", "-", stdin=result.stdout).stdout.startswith("-: OK, ")
+    assert run("validate", "-", stdin=result.stdout).stdout.startswith("-: OK; ")
 
 
 def test_new_writes_a_file_once(tmp_path: Path) -> None:

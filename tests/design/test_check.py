@@ -79,8 +79,8 @@ def test_check_details_list_the_reference_data_that_weight_the_samples(left_out)
     stated = ("--set", "catalogue.lost_motion=300", "--set", "catalogue.play=300")
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "2", *stated, *left_out)
     page = in_a_line(run("check", TINY, *asked, "--details").stdout)
-    weighed = "reference data catalogue.lost_motion, catalogue.play; --set catalogue.play= "
-    without = "reference data catalogue.lost_motion; --set catalogue.lost_motion= "
+    weighed = "reference data catalogue.lost_motion, catalogue.play; to omit the last one, use --set catalogue.play= "
+    without = "reference data catalogue.lost_motion; to omit the last one, use --set catalogue.lost_motion= "
     assert (without if left_out else weighed) in page
 
 

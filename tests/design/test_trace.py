@@ -41,7 +41,7 @@ def test_a_screen_holds_the_range_the_orders_and_the_curve():
     told = json.loads(run("trace", SMALL, "--json").stdout)
     assert page.returncode == 0
     assert lines[0] == f"small (nominal), 1 N·m, 1 input revolution from phi_g0 = 0°: range {told['range_arcsec']:.2f}″"
-    assert lines[1] == "The curve covers 1 of 30 input revolutions; F'_ior is at least as large as this range."
+    assert lines[1] == "The curve covers 1 of 30 input revolutions, so F'_ior is at least as large."
     greatest = max(told["orders"], key=lambda order: order["amplitude_arcsec"])
     row = rf" *{greatest['per_cam_rev']:.2f} +{greatest['amplitude_arcsec']:.2f} +{greatest['cause'][:20]}"
     assert any(re.match(row, line) for line in lines)

@@ -244,7 +244,7 @@ def test_csv_of_the_curve(rig):
         (["-", "-"], 2, "read only once"),
         (["nan.csv"], 4, "nan.csv:3:3: err: must be a finite number"),
         (["empty.csv"], 4, "the file is empty"),
-        (["noise.csv"], 5, "not above its noise"),
+        (["noise.csv"], 5, "does not exceed its noise"),
         (["short.csv"], 4, "less than one input revolution"),
     ],
 )

@@ -53,7 +53,7 @@ def test_line_near_an_order_of_a_short_recording_merges(order):
     (only,) = (o for o in found.orders if abs(o.per_cam_rev - order) < 0.02)
     assert only.amplitude_arcsec == pytest.approx(3.0, abs=0.05)
     assert found.lines == ((only,) if order < 1 else ())
-    assert ("sidebands of an order, or a line" in only.cause) == (order > 1)
+    assert ("sidebands of an order, or a separate line" in only.cause) == (order > 1)
     assert sum(o.amplitude_arcsec > 0.2 for o in found.orders) == 4
     low, high = found.interval_arcsec
     assert low < np.ptp(error) < high < low + 1

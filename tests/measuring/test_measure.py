@@ -46,9 +46,9 @@ def test_known_ranges_lie_within_the_stated_uncertainty():
 @pytest.mark.parametrize(
     ("turns", "error", "words"),
     [
-        (EVEN, np.random.default_rng(0).standard_normal(600), "not above its noise"),
+        (EVEN, np.random.default_rng(0).standard_normal(600), "does not exceed its noise"),
         (EVEN[:190], even_wave(EVEN[:190]), "less than one input revolution"),
-        (EVEN, even_wave(EVEN) + 60 * EVEN, "not above its noise"),
+        (EVEN, even_wave(EVEN) + 60 * EVEN, "does not exceed its noise"),
     ],
 )
 def test_what_cannot_be_trusted_is_not_given(turns, error, words):
@@ -65,7 +65,7 @@ def test_error_about_columns_read_by_sequence_names_them():
 
 def test_steps_too_long_for_an_order():
     turns = np.arange(60) / 20
-    assert any("orders up to 8 only" in text for text in measure(recorded(turns, even_wave(turns)), ratio=100).notes)
+    assert any("only orders up to 8" in text for text in measure(recorded(turns, even_wave(turns)), ratio=100).notes)
     with pytest.raises(UntrustedError, match="too long for order 12"):
         measure(recorded(turns, even_wave(turns)), ratio=100, orders=range(1, 13))
 

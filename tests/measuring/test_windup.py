@@ -53,7 +53,7 @@ def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
     assert abs(value - STIFFNESS) < 3 * unsure < 0.01 * STIFFNESS
     # a trace without its column of torque has the wind-up as error of the drive
     bare = "\n".join(line.rpartition(";")[0] for line in file(WALKING, sign).splitlines())
-    with pytest.raises(UntrustedError, match="not above its noise"):
+    with pytest.raises(UntrustedError, match="does not exceed its noise"):
         measured(bare)
 
 

@@ -100,7 +100,7 @@ def test_preset_from_standard_input_is_named_in_the_next_command():
 
 
 def test_a_verdict_that_is_known_without_a_test_is_named():
-    page = run("plan", TINY, "--limit", "40", "--no-plot").stdout
+    page = in_a_line(run("plan", TINY, "--limit", "40", "--no-plot").stdout)
     assert "100 % of drives exceed the limit, so any of these tests is sufficient for a decision." in page
     assert "of F'_ior (35." in page
 

@@ -167,7 +167,7 @@ def test_drive_of_unknown_quality_has_wide_assumed_tolerances() -> None:
         assert source.kind == "assumed"
         low, high = source.range or (0.0, 0.0)
         assert (round(low), round(high)) == (round(F_p(50.8, 0.254, 5)), round(F_p(50.8, 0.254, 11)))
-        assert "assumed wide range" in source.ref
+        assert "assumed to be wide" in source.ref
     assert drive.catalogue.play is drive.catalogue.lost_motion is None  # nobody promises anything
     assert of_unknown_quality(lost_motion="90").catalogue.lost_motion == 90
 

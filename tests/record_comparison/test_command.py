@@ -102,7 +102,7 @@ def test_the_answer_alone_goes_back_into_the_command(rig):
     [
         (["own.csv"], 2, "several torques: 1, 4"),
         (["none.csv", "--torque", "4"], 4, "no such file: none.csv"),
-        (["noise.csv", "--torque", "4"], 5, "not above its noise"),
+        (["noise.csv", "--torque", "4"], 5, "does not exceed its noise"),
     ],
 )
 def test_faults_end_clearly_and_write_nothing(rig, args, code, words):

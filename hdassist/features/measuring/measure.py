@@ -969,7 +969,9 @@ def _fit(
         with suppress(UntrustedError):
             fit = fit_orders(bins, orders, slow)
             if number:
-                notes.append(f"only {beats} sidebands on each side of an order are fitted: too few angles for {BEATS}")
+                notes.append(
+                    f"sidebands fitted on each side of an order: {beats} of {BEATS}, because there are too few angles"
+                )
             return fit
     if len(without_sidebands) < len(declared):
         notes.append(f"orders less than 1/{turns:.3g} apart are combined, because the recording does not resolve them")

@@ -27,7 +27,7 @@ from hdassist.features.report import Curve, Fact, Facts, Json, Report, Table, cs
 from hdassist.interface.terminal.words import ENVELOPE, again
 from hdassist.run.errors import Verdict
 
-UNPROVEN = "No correction has been tested on a real drive yet. Record the error with the correction on."
+UNPROVEN = "No correction has been tested on a real drive yet: record the corrected error."
 _TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",

@@ -197,10 +197,7 @@ def _limits_of_trace(
         yield "Computed from the preset; measurements of the drive are not taken into account."
     if is_part:
         cycle = trace.error.kinematics.cycle_cam_revolutions
-        yield (
-            f"The curve covers {trace.revolutions} of {cycle} input revolutions; F'_ior is at least "
-            "as large as this range."
-        )
+        yield (f"The curve covers {trace.revolutions} of {cycle} input revolutions, so F'_ior is at least as large.")
     if unknowns(drive):
         yield _UNKNOWN_AS_ZERO
 

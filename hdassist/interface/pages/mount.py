@@ -575,9 +575,9 @@ def _positions_table(
         better = f"lower than in {start_of_count(advice.drive)} by more than {100 * decision.cost:g} %"
         notes.append(f"P: probability, %; better: {better}; within 5 %: of F'_ior in the best hole")
     mean = " mean" if is_sampled else ""
-    governing = " at the governing torque" if len(advice.torques) > 1 else ""
+    governing = " at governing torque" if len(advice.torques) > 1 else ""
     of_what = f":{mean}{governing}" if mean or governing else ""
-    notes.append(f"excess over the best hole{of_what}; {counting} counter-clockwise")
+    notes.append(f"excess over best hole{of_what}; {counting} counter-clockwise")
     title_start = f"{title}: " if title else ""
     return Table(
         f"{title_start}{residual}, ″{spread}",
