@@ -171,9 +171,9 @@ def test_given_option_replaces_the_one_of_the_previous_command():
 
 def test_the_proof_in_a_line():
     certificate = Certificate(20200, 0.0, 8.1e-11, 1e-12, 0.0, 0)
-    assert proof(certificate) == "20 200 mesh positions, largest residual 8e-11"
+    assert proof(certificate) == "20 200 mesh positions, residual 8e-11"
     crossed = [CrossCheck("CLARABEL", 10, 1e-6), None, CrossCheck("CLARABEL", 10, 1e-6)]
-    assert proof(certificate, crossed) == "20 200 mesh positions, largest residual 8e-11; 20 solved again with CLARABEL"
+    assert proof(certificate, crossed) == "20 200 mesh positions, residual 8e-11; 20 checked by CLARABEL"
 
 
 def test_unweighted_ranges_are_those_of_assumed_and_defaulted_values():

@@ -91,9 +91,9 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
     """
     if not found or not found.states:
         return ""
-    text = f"{thousands(found.states)} mesh positions, largest residual {found.max_residual:.0e}"
+    text = f"{thousands(found.states)} mesh positions, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
-        text += f"; {sum(cross.states for cross in crosses)} solved again with {crosses[0].solver}"
+        text += f"; {sum(cross.states for cross in crosses)} checked by {crosses[0].solver}"
     return text
 
 
