@@ -24,7 +24,7 @@ MM_A_SIZE = 2.54
 
 HD = "Harmonic Drive CSF/CSG catalogue"
 SECOND_HAND = (
-    "K1 and K3 as in Schaeffler TPI 275, series RT1-H-CS, ratio 100, quoted by another source; K2 from memory, "
+    "K1 and K3 as in Schaeffler TPI 275, series RT1-H-CS, ratio 100, cited from a secondary source; K2 from memory, "
     "not verified"
 )
 EXAMPLE = "example in the Harmonic Drive manual CHA 1018854 (12/2015), p. 68, which states no size"
@@ -32,8 +32,8 @@ READ = f"{HD}, table of torsional stiffness, ratio 80 and more"
 MEMORY = "from memory, not verified"
 TORQUES = f"{HD} of Harmonic Drive LLC, tables 41 and 42"
 RATED = (
-    "CSF, ratio 100, 2000 rpm; from memory, not verified; equal to 1/1.3 of the CSG value, which is quoted by another "
-    "source and stated in its catalogue to be 30 % above CSF"
+    "CSF, ratio 100, 2000 rpm; from memory, not verified; equal to 1/1.3 of the CSG value, which is cited from a "
+    "secondary source and stated in its catalogue to be 30 % above CSF"
 )
 COUPLING = (
     "the standard version has an Oldham coupling, a version without one is optional: Harmonic Drive AG, HFUS-2A data "

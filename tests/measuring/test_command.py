@@ -88,7 +88,7 @@ def test_measure_reports_a_lower_bound_for_part_of_the_cycle(rig):
     assert lines[1].startswith("The recording covers 16.6 % of the full mesh cycle of 30 input revolutions")
     assert len(lines) <= 24
     assert "".join(lines).isascii()
-    assert not any("Rows are missing" in line for line in lines)
+    assert not any("Readings are missing" in line for line in lines)
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
     assert "without --drive or --ratio, the full mesh cycle is unknown" in in_a_line(alone)
     assert re.search(r"next +hdassist compare PRESET part\.csv\n", alone)

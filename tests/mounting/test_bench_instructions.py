@@ -138,7 +138,7 @@ def test_the_card_states_the_interval_of_the_verification() -> None:
     assert predicted.low_arcsec == pytest.approx(checked.low_arcsec, rel=1e-9)
     assert predicted.high_arcsec == pytest.approx(checked.high_arcsec, rel=1e-9)
     card_lines = card(before, trials=before.trials).chance.lines
-    words = (f"{predicted.low_arcsec:.1f} to ", f"{predicted.high_arcsec:.1f}″: measure in")
+    words = (f"{predicted.low_arcsec:.1f} to ", f"{predicted.high_arcsec:.1f}″, also measure")
     assert any(word in card_lines[1] for word in words)
     assert f"--verify h{before.chosen.hole}=VALUE" in card_lines[1]
     carded = mount_report(replace(before, value=None), 0, carded=True)
