@@ -83,8 +83,8 @@ def table() -> str:
 
 
 MISSES = {
-    "stiffness, lost motion, backlash and accuracy, on a solid hub": "The ratio of size 65 is above 4, and the ratios of "
-    "the other sizes are below 4. The stiffness of a solid hub is an assumption"
+    "stiffness, lost motion, backlash and accuracy, on a solid hub": "The ratio of size 65 is above 4, and the ratios "
+    "of the other sizes are below 4. The stiffness of a solid hub is an assumption"
 }
 CASES = [
     Case(
