@@ -44,3 +44,15 @@ def test_fit_with_lines_needs_only_their_own_products():
     assert np.allclose(by_base.residual, alone.residual, rtol=0, atol=1e-11)
     with_other_terms = fit_orders(bins, orders, SlowTerms(degree=1), lines=[5.3, 14.2], base=base)
     assert np.allclose(with_other_terms.drift, fit_orders(bins, orders, SlowTerms(degree=1), [5.3, 14.2]).drift)
+
+
+def test_level_of_each_sweep_has_the_noise_of_its_sweep():
+    turns, orders = np.arange(1800) / 60, order_grid(DEFAULT_ORDERS, 30.0, 30.0)
+    noise = np.random.default_rng(3).standard_normal((2, 1800))
+    quiet, loud = 0.2, 2.0  # arcsec
+    there_and_here = np.concatenate([turns, turns])
+    fit = fit_orders(bins_of(recorded(there_and_here, np.concatenate([quiet * noise[0], loud * noise[1]])), 12), orders)
+    first, second = np.sqrt(1800 * np.diag(fit.level_covariance))
+    assert fit.bins.levels == 2
+    assert second == pytest.approx(loud, rel=0.2)
+    assert quiet < first < 0.3 * loud  # both sweeps share the fitted curve, which contains noise of the other one

@@ -34,6 +34,7 @@ _DRIFTED = 0.05  # smallest remaining drift that is reported, as a share of F'_i
 _DRIFT_CLEAR = 4.0  # standard uncertainties by which a drift must exceed 0
 RESOLVED_GAP = 0.75  # smallest distance at which a line and an order are resolved, as a share of the resolution
 EVEN = 0.9  # evenness of the readings above which they do not distinguish an order from its image
+_SHARED_READINGS = 10  # readings of a level as which the noise of all readings counts
 _MOMENTS = 3  # powers of the position of a reading within its cell
 SLOWEST_ORDER = 0.5  # order per input revolution below which orders are those of the output, or drift
 _NEIGHBOURS = 10.0  # largest distance of neighbours whose correlation is evaluated, in bins
@@ -150,9 +151,28 @@ class TraceFit:
 
     @property
     def level_covariance(self) -> Array:
-        """The covariance of the levels due to noise [arcsec^2], shape (levels, levels)."""
+        """The covariance of the levels due to noise [arcsec^2], shape (levels, levels).
+
+        Each level has the noise of its own readings, because a sweep at another speed may have more or less noise.
+        """
         rows = self.design.root[2 * len(self.orders) :][: len(self.level)]
-        return np.asarray(rows @ rows.T * self.variance * max(self.correlated, 1.0))
+        rows = rows * np.sqrt(self._level_variance)[:, None]
+        return np.asarray(rows @ rows.T * max(self.correlated, 1.0))
+
+    @property
+    def _level_variance(self) -> Array:
+        """The variance of the residuals of each level at weight 1 [arcsec^2], shape (levels,).
+
+        The variance of all residuals counts as `_SHARED_READINGS` further readings of each level, so that the few
+        readings of a short level do not determine its noise alone.
+        """
+        level = self.bins.level
+        squares = np.bincount(level, self.bins.weight * self.residual**2, len(self.level))
+        readings = np.bincount(level, minlength=len(self.level))
+        fitted_share = self.design.columns / len(self.bins)  # share of the variance that the fit absorbs
+        return np.asarray(
+            (squares + _SHARED_READINGS * self.variance) / (readings * (1 - fitted_share) + _SHARED_READINGS)
+        )
 
     @property
     def is_line(self) -> NDArray[np.bool_]:
