@@ -23,7 +23,7 @@ one range. Two ranges are needed, one for each end of the interval:
   unless it is negative beyond its own noise.
 - A position is covered if a reading is close to it (`visited_places`). A steep flank also overshoots between two
   readings, so the range over covered positions is limited to that of the curve at the readings, with peaks between them
-  from parabolas. Positions without readings cannot show that a drive is bad, whatever the prior is, so `seen` excludes
+  from parabolas, except across gaps. Positions without readings cannot show that a drive is bad, whatever the prior is, so `seen` excludes
   them. They can hide the fault of a bad drive, so `whole` includes them.
 
 The interval extends from the 2.5 % quantile of `seen` to the 97.5 % quantile of `whole`, so a part of a cycle gives a
@@ -56,6 +56,7 @@ _CELL_SHARE = 0.5  # share of the best cell's weight from which an adjacent cell
 _TAIL = 0.025  # probability beyond each end of an interval
 # share of the range, from either extreme of the mean curve, within which readings show an overshoot
 _EXTREME_SHARE = 0.03
+_GAP = 1.5  # distance of two blocks, relative to the median, from which there is a gap between them
 _FLANK_SIGMAS = 2.0  # standard errors from which an overshoot is not due to chance
 
 
@@ -267,9 +268,11 @@ class _BlockPoints:
     def __init__(self, posterior: AmplitudePosterior, in_travel: NDArray[np.bool_]) -> None:
         points = np.rint(posterior.block_place_rev * CURVE_POINTS_PER_REV).astype(np.int64) % len(in_travel)
         self.inside = in_travel[points]
-        run = posterior.block_run[self.inside]
-        self._is_first = np.diff(run, prepend=-1) != 0
-        self._is_last = np.diff(run, append=-1) != 0
+        is_apart = _is_apart(
+            posterior.block_place_rev[self.inside], posterior.block_run[self.inside], posterior.cycle.numerator
+        )
+        self._is_first = np.concatenate([[True], is_apart])
+        self._is_last = np.concatenate([is_apart, [True]])
 
     def range(self, values: Array) -> Array:
         """Return the range of curves over the blocks, with peaks between blocks from parabolas, shape (curves,).
@@ -292,6 +295,26 @@ class _BlockPoints:
         before = values[rows, np.where(self._is_first[highest], highest, highest - 1)]
         behind = values[rows, np.where(self._is_last[highest], highest, highest + 1)]
         return parabola_peak(before, values[rows, highest], behind)
+
+
+def _is_apart(
+    place_rev: Array,
+    run: NDArray[np.int64],
+    cycle_rev: int,
+) -> NDArray[np.bool_]:
+    """Return whether a gap or the end of a run separates each block from the next one, shape (blocks - 1,).
+
+    A parabola across a gap of lost readings may be far from the curve.
+
+    place_rev: position of each block on the cycle [input rev], shape (blocks,).
+    run: number of the run of each block, shape (blocks,).
+    cycle_rev: length of the cycle [input rev].
+    """
+    distance = np.abs(np.diff(place_rev))
+    distance = np.minimum(distance, cycle_rev - distance)  # the cycle ends where it begins
+    if not len(distance):
+        return np.zeros(0, bool)
+    return (np.diff(run) != 0) | (distance > _GAP * np.median(distance))
 
 
 def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
