@@ -23,8 +23,8 @@ one range. Two ranges are needed, one for each end of the interval:
   unless it is negative beyond its own noise.
 - A position is covered if a reading is close to it (`visited_places`). A steep flank also overshoots between two
   readings, so the range over covered positions is limited to that of the curve at the readings, with peaks between them
-  from parabolas, except across gaps. Positions without readings cannot show that a drive is bad, whatever the prior is, so `seen` excludes
-  them. They can hide the fault of a bad drive, so `whole` includes them.
+  from parabolas, except across gaps. Positions without readings cannot show that a drive is bad, whatever the prior is,
+  so `seen` excludes them. They can hide the fault of a bad drive, so `whole` includes them.
 
 The interval extends from the 2.5 % quantile of `seen` to the 97.5 % quantile of `whole`, so a part of a cycle gives a
 high upper end. PASS requires P(whole <= limit) >= 95 %, FAIL requires P(seen > limit) >= 95 %, and other cases are
@@ -314,7 +314,7 @@ def _is_apart(
     distance = np.minimum(distance, cycle_rev - distance)  # the cycle ends where it begins
     if not len(distance):
         return np.zeros(0, bool)
-    return (np.diff(run) != 0) | (distance > _GAP * np.median(distance))
+    return np.asarray((np.diff(run) != 0) | (distance > _GAP * np.median(distance)))
 
 
 def _flank(posterior: AmplitudePosterior, at_blocks: _BlockPoints) -> float:
