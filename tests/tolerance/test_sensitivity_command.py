@@ -23,6 +23,7 @@ def test_first_line_names_the_tolerance_to_tighten_and_fits() -> None:
     assert words.startswith(f"tiny, tighten first at 4 N*m: {field} If this tolerance is 20 % tighter, ")
     for part in ("95th percentile", "tolerances.F_i1", "verified", "next hdassist allocate", " --limit LIMIT "):
         assert part in words
+    assert " over 16 random drives. The command tolerance uses 500." in words
     assert len(done.stdout.splitlines()) <= 24
     assert "..." not in done.stdout
     assert done.stdout.isascii()
@@ -42,6 +43,23 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
     assert 0 < first["reduction_low"] < first["reduction"] < first["reduction_high"] < 1
     assert answer["samples"]["effective"] >= 16
     assert answer["drives"] >= 32
+
+
+@pytest.mark.thorough
+def test_percentiles_agree_with_those_of_tolerance() -> None:
+    """Both commands sample the same drives of the type, so the interval of one contains the percentile of the other."""
+    few = json.loads(run("sensitivity", TINY, "--torque", "4", "-n", "96", "--jobs", "1", "--json").stdout)
+    (point,) = few["operating_points"]
+    stated = point["F_ior_arcsec"]
+    assert stated["p95"] == point["tighter"][0]["now"]
+    options = ("--torque", "4", "-n", "200", "--as-built", "--jobs", "1", "--json")
+    more = json.loads(run("tolerance", TINY, *options).stdout)
+    of_more = more["operating_points"][0]["as_built"]
+    for name in ("p5", "p50", "p95"):
+        low, high = stated[f"{name}_interval_arcsec"]
+        low_of_more, high_of_more = of_more[f"{name}_interval_arcsec"]
+        assert low <= of_more[f"{name}_arcsec"] <= high
+        assert low_of_more <= stated[name] <= high_of_more
 
 
 def test_a_share_that_is_missing_is_explained() -> None:

@@ -23,10 +23,11 @@ from hdassist.belief.steps import Influence, MeasurementGain, influences, measur
 from hdassist.drive.model.geometry import Array
 from hdassist.drive.preset.fields import DEVIATION_FIELDS, CostLaw, Drive
 from hdassist.features.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive
-from hdassist.features.tolerance.yields import AtTorque, Summary, YieldBelief
+from hdassist.features.tolerance.yields import AtTorque, Percentile, Summary, YieldBelief, percentile_over_designs
 from hdassist.run.errors import UntrustedError, Verdict
 
 _HIGH_SHARE = 0.95  # share of the drives below the percentile that tightening should reduce
+PERCENTILE_SHARES = (0.05, 0.5, _HIGH_SHARE)  # quantile levels of the percentiles of a result
 _RESAMPLES = 200  # number of bootstrap resamples
 _ENDS = (0.05, 0.95)  # quantiles of the resampled values that limit the interval of a gain
 _Records = Callable[[Production, int], list[RandomDrive]]
@@ -93,6 +94,8 @@ class Sensitivities:
     law: distributions of the random drives.
     samples: samples of the random drives.
     worst: index of the governing torque (relative to its limit, if there are limits).
+    count: number of random drives with the present tolerances.
+    percentiles: percentiles of their F'_ior at each torque [arcsec], at the quantile levels PERCENTILE_SHARES.
     tightened: gains at each torque, the largest first.
     influences: contributions at each torque.
     to_measure: measurements at the governing torque.
@@ -103,6 +106,8 @@ class Sensitivities:
     law: ProductionLaw
     samples: Samples
     worst: int
+    count: int
+    percentiles: tuple[tuple[Percentile, ...], ...]
     tightened: tuple[tuple[Tightened, ...], ...]
     influences: tuple[tuple[Influence, ...], ...]
     to_measure: tuple[MeasurementGain, ...]
@@ -190,6 +195,8 @@ def sensitivities(
         law=law,
         samples=samples,
         worst=worst,
+        count=len(F_ior),
+        percentiles=tuple(_percentiles(column, weights) for column in F_ior.T),
         tightened=_best_first(ways, torques),
         influences=tuple(_influences_at(samples, torque) for torque in torques),
         to_measure=to_measure(law, samples, worst),
@@ -197,6 +204,16 @@ def sensitivities(
         states=sum(record.states for record in all_records),
         max_residual=max(record.max_residual for record in all_records),
     )
+
+
+def _percentiles(F_ior: Array, weights: Array) -> tuple[Percentile, ...]:
+    """Return the percentiles of F'_ior [arcsec] of drives that have their own designs, with their intervals.
+
+    F_ior: F'_ior of the drives [arcsec], shape (drives,).
+    weights: weights of the drives, shape (drives,).
+    """
+    designs = np.arange(len(F_ior))
+    return tuple(percentile_over_designs(F_ior, weights, designs, share) for share in PERCENTILE_SHARES)
 
 
 def _best_size(ways: Mapping[str, Sequence[Tightened]], torque: int) -> str:

@@ -143,6 +143,30 @@ class Percentile:
         return (self.high - self.low) / (2 * _INTERVAL_ERRORS)
 
 
+def percentile_over_designs(
+    values: Array,
+    weights: Array,
+    designs: NDArray[np.int64],
+    share: float,
+) -> Percentile:
+    """Return a percentile of F'_ior [arcsec], or of another value, over random drives.
+
+    The interval takes into account that drives of one design are not independent (Cochran 1977, Sampling Techniques,
+    section 9A.2).
+
+    values: values of the drives, shape (drives,).
+    weights: weights of the drives, shape (drives,).
+    designs: number of the design of each drive, shape (drives,).
+    share: quantile level, for example 0.95.
+    """
+    value = weighted_quantile(values, weights, share)
+    # standard error of the share below the percentile, which is a ratio of totals over designs
+    residual = np.bincount(designs, weights * ((values <= value) - share))
+    step = _INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
+    low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
+    return Percentile(value, min(low, value), max(high, value))
+
+
 @dataclass(eq=False)
 class AtTorque:
     """Random drives at a torque.
@@ -265,20 +289,10 @@ class Summary:
         return verdict_by_probability(reached[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
     def percentile(self, F_ior: Sequence[float] | Array, share: float) -> Percentile:
-        """Return a percentile over the drives of F'_ior [arcsec] or of another value.
-
-        The interval takes into account that drives of one design are not independent.
-        """
-        values = np.array(F_ior)
-        weights = np.array(self.weights)
-        value = weighted_quantile(values, weights, share)
-        designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
-        # standard error of the share below the percentile, from sums over designs (Cochran 1977, section 9A.2: a ratio
-        # of totals)
-        residual = np.bincount(designs, weights * ((values <= value) - share))
-        step = _INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
-        low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
-        return Percentile(value, min(low, value), max(high, value))
+        """Return a percentile over the drives of F'_ior [arcsec] or of another value."""
+        count = len(self.designs)
+        designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(count)
+        return percentile_over_designs(np.array(F_ior), np.array(self.weights), designs, share)
 
     def reduction(self, point: AtTorque, share: float) -> Percentile:
         """Return a percentile of the relative reduction of F'_ior in the best position; share: from 0 to 1."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.features.report import Report
+from hdassist.features.tolerance import TOLERANCE_DRIVES
 from hdassist.interface.terminal import options as o
 from hdassist.interface.terminal.output import Output, ProgressBar, csv_text, failure, give, run_each, warn
 from hdassist.interface.terminal.streams import say, write_parquet, write_text
@@ -669,7 +670,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
     """
 
     preset: str
-    count: int = 500
+    count: int = TOLERANCE_DRIVES
     wanted: float | None = None
     sure: float = 0.95
     mounting: bool = True

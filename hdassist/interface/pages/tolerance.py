@@ -28,8 +28,16 @@ from hdassist.features.report import (
     samples_object,
     to_error_digit,
 )
+from hdassist.features.tolerance import TOLERANCE_DRIVES
 from hdassist.features.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
-from hdassist.features.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
+from hdassist.features.tolerance.tightening import (
+    PERCENTILE_SHARES,
+    Allocation,
+    Allocator,
+    Sensitivities,
+    Tightened,
+    to_measure,
+)
 from hdassist.features.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.interface.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named
 from hdassist.run.errors import Verdict
@@ -467,7 +475,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
     torques = found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason, measured = _answer(found)
-    drawn = f"{len(samples.weights)} random drives, each of its own design, seed {samples.seed}"
+    drawn = f"{found.count} random drives, each of its own design, seed {samples.seed}"
     # if an input without a tolerance contributes most, measuring this input comes first
     next_command = again("sensitivity", law.drive, *_as_measured(measured)) if measured else _allocate_command(found)
     # only more drives can decide which tolerance to tighten first
@@ -481,7 +489,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         drive=law.drive,
         head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
         verdict=verdict,
-        why=(reason,),
+        why=(f"{reason} {_percentile_basis(found)}",),
         blocks=(short, Facts.of(facts)),
         details=(Facts((("distributions", drawn),)), *(table for table in torque_tables if table != short)),
         certificate=found,
@@ -498,7 +506,7 @@ def _sensitivities_object(found: Sensitivities) -> Json:
     points = [
         {
             "M_g_Nm": M_g,
-            "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, torque) for p in (5, 50, 95)},
+            "F_ior_arcsec": _percentiles_object(found, torque),
             "influence": influence_objects(found.influences[torque]),
             "tighter": objects(found.tightened[torque], *_TIGHTENED_KEYS, field="path"),
         }
@@ -515,6 +523,19 @@ def _sensitivities_object(found: Sensitivities) -> Json:
     }
 
 
+def _percentiles_object(found: Sensitivities, torque: int) -> Json:
+    """Return the percentiles of F'_ior at a torque, with their Monte Carlo intervals, as JSON.
+
+    torque: index of the torque.
+    """
+    values: Json = {}
+    for share, percentile in zip(PERCENTILE_SHARES, found.percentiles[torque], strict=True):
+        name = f"p{100 * share:.0f}"
+        values[name] = percentile.value
+        values[f"{name}_interval_arcsec"] = (percentile.low, percentile.high)
+    return values
+
+
 def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """Return the tolerance to tighten first, the reason, and the path of the field to measure instead.
 
@@ -522,7 +543,7 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
     """
     first = found.first
     largest = found.largest
-    percentile = f"the 95th percentile of F'_ior ({to_error_digit(first.now, first.now_error, 1)}″)"
+    percentile = "the 95th percentile of F'_ior"
     if found.is_worth_tightening:
         reduction = _reduction_words(first, " %")
         return named(first.path), f"If this tolerance is {_STEP_WORDS}, {percentile} decreases by {reduction}.", ""
@@ -532,6 +553,16 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
         share = f"This input contributes {100 * largest.share:.0f} % to the variance of F'_ior."
         return f"no tolerance; measure {named(largest.group)}", f"{share} {reason}", largest.group
     return _UNDECIDED, reason, ""
+
+
+def _percentile_basis(found: Sensitivities) -> str:
+    """Return the present 95th percentile of F'_ior, with its interval and the number of drives, as text."""
+    now = found.percentiles[found.worst][-1]
+    value, low, high = (to_error_digit(end, now.standard_error, 1) for end in (now.value, now.low, now.high))
+    basis = f"This percentile is now {value}″ ({low} to {high}) over {found.count} random drives."
+    if found.count >= TOLERANCE_DRIVES:
+        return basis
+    return f"{basis} The command tolerance uses {TOLERANCE_DRIVES}."
 
 
 def _as_measured(path: str) -> tuple[str, str]:
