@@ -1,9 +1,10 @@
 """Effects of edits of a preset on F'_ior of its samples, solved on as few samples as possible.
 
 An edit changes F'_ior of similar samples by similar factors. It is therefore first solved on a few samples, which are
-spread over F'_ior. Every other sample uses the factors of its donors, the solved samples with the nearest F'_ior. A
-sample is settled if all donors agree on whether the limit is met and on the likelihood of the reference data. For edits
-that may be among the best, the samples that are not settled are also solved.
+spread over F'_ior. Every other sample uses the factors of its donors, the solved samples with the nearest F'_ior. For
+another coupling, donors also have a similar support of the wave generator. A sample is settled if all donors agree on
+whether the limit is met and on the likelihood of the reference data. For edits that may be among the best, the samples
+that are not settled are also solved.
 """
 
 from __future__ import annotations
@@ -121,6 +122,14 @@ class OptionSamples:
     def stated_arcsec(self) -> Array | None:
         """F'_ior of the samples without any edit [arcsec], shape (rows,); None if all inputs are known."""
         return None if self.samples is None else self.samples.F_ior_arcsec[self.rows, self.torque]
+
+    @property
+    def support_levels(self) -> Array:
+        """Quantile level of the wave generator's support of each sample, shape (rows,); 0 if the support is known."""
+        paths = [of_field.path for of_field in self.prior.fields]
+        if SUPPORT_FIELD not in paths:
+            return np.zeros(len(self.rows))
+        return self.shares[:, paths.index(SUPPORT_FIELD)]
 
     @property
     def has_sets(self) -> bool:
@@ -545,8 +554,11 @@ def _effect(
     factor = _factor(len(stated), answers, source)
     if factor is None:
         return None
-    every_donor = _donors(stated, factor)
     count = len(samples.rows)
+    # another coupling has a larger effect on a stiff support than on a soft one
+    levels = samples.support_levels if name.startswith("coupling:") else np.zeros(count)
+    levels_of_sets = np.tile(levels, len(stated) // count)
+    every_donor = _donors(stated, levels_of_sets, factor)
     is_solved = ~np.isnan(factor)
     if grade:
         is_solved[:count] |= samples.tested_arcsec is not None
@@ -662,16 +674,23 @@ def _tested_factor(
     return factor
 
 
-def _donors(F_ior_arcsec: Array, factor: Array) -> NDArray[np.int64]:
+def _donors(
+    F_ior_arcsec: Array,
+    levels: Array,
+    factor: Array,
+) -> NDArray[np.int64]:
     """Return the indices of the donors of each sample, shape (rows, donors).
 
     A solved sample is its own and only donor.
 
     F_ior_arcsec: F'_ior of the samples [arcsec], shape (rows,).
+    levels: quantile levels of a field on which the effect also depends, shape (rows,); equal levels have no effect.
     factor: ratio of F'_ior with an edit to that without it, shape (rows,), NaN for unsolved samples.
     """
     places = np.flatnonzero(~np.isnan(factor))
-    distance = np.abs(np.subtract.outer(np.log(F_ior_arcsec), np.log(F_ior_arcsec[places])))
+    log_F_ior = np.log(F_ior_arcsec)
+    distance = np.abs(np.subtract.outer(log_F_ior, log_F_ior[places]))
+    distance += np.abs(np.subtract.outer(levels, levels[places]))
     donors = places[np.argsort(distance, axis=1, kind="stable")[:, :_DONORS]]
     donors[places] = places[:, None]
     return donors

@@ -39,8 +39,16 @@ def test_sample_takes_the_factors_of_its_nearest_solved_samples():
     F_ior = np.array([10.0, 11.0, 20.0, 21.0, 40.0])
     factor = np.array([0.5, np.nan, 0.7, np.nan, 0.9])
     with mock.patch.object(effects, "_DONORS", 2):
-        donors = _donors(F_ior, factor)
+        donors = _donors(F_ior, np.zeros(5), factor)
     assert [sorted({*row}) for row in donors.tolist()] == [[0], [0, 2], [2], [2, 4], [4]]
+
+
+def test_donors_for_another_coupling_have_a_similar_support():
+    F_ior = np.array([20.0, 20.0, 19.0, 21.0])
+    levels = np.array([0.0, 1.0, 0.9, 0.2])
+    factor = np.array([0.5, 0.9, np.nan, np.nan])
+    with mock.patch.object(effects, "_DONORS", 1):
+        assert _donors(F_ior, levels, factor).ravel().tolist() == [0, 1, 1, 0]
 
 
 def test_undecided_options_that_may_be_best_are_solved():
