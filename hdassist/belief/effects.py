@@ -554,11 +554,8 @@ def _effect(
     factor = _factor(len(stated), answers, source)
     if factor is None:
         return None
+    every_donor = _donors(stated, _levels(samples, name, len(stated)), factor)
     count = len(samples.rows)
-    # another coupling has a larger effect on a stiff support than on a soft one
-    levels = samples.support_levels if name.startswith("coupling:") else np.zeros(count)
-    levels_of_sets = np.tile(levels, len(stated) // count)
-    every_donor = _donors(stated, levels_of_sets, factor)
     is_solved = ~np.isnan(factor)
     if grade:
         is_solved[:count] |= samples.tested_arcsec is not None
@@ -672,6 +669,26 @@ def _tested_factor(
         if tested is not None:
             factor[row] = tested / over_arcsec[row]
     return factor
+
+
+def _levels(
+    samples: OptionSamples,
+    name: str,
+    count: int,
+) -> Array:
+    """Return the quantile levels of the field on which the effect of an edit depends, for all sets, shape (count,).
+
+    The effect of another coupling depends on the present support of the wave generator: it is larger for a stiff one.
+    The levels of other edits are 0.
+
+    name: name of the edit.
+    count: number of sets of all samples.
+    """
+    if not name.startswith("coupling:"):
+        return np.zeros(count)
+    levels = samples.support_levels
+    # the sets of a sample have the same support
+    return np.tile(levels, count // len(levels))
 
 
 def _donors(

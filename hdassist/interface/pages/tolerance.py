@@ -557,8 +557,9 @@ def _answer(found: Sensitivities) -> tuple[str, str, str]:
 
 def _percentile_basis(found: Sensitivities) -> str:
     """Return the present 95th percentile of F'_ior, with its interval and the number of drives, as text."""
-    now = found.percentiles[found.worst][-1]
-    value, low, high = (to_error_digit(end, now.standard_error, 1) for end in (now.value, now.low, now.high))
+    percentile = found.percentiles[found.worst][-1]
+    ends = (percentile.value, percentile.low, percentile.high)
+    value, low, high = (to_error_digit(end, percentile.standard_error, 1) for end in ends)
     basis = f"This percentile is now {value}″ ({low} to {high}) over {found.count} random drives."
     if found.count >= TOLERANCE_DRIVES:
         return basis
