@@ -554,7 +554,7 @@ def _effect(
     factor = _factor(len(stated), answers, source)
     if factor is None:
         return None
-    every_donor = _donors(stated, _levels(samples, name, len(stated)), factor)
+    every_donor = _donors(stated, _levels(samples, name), factor)
     count = len(samples.rows)
     is_solved = ~np.isnan(factor)
     if grade:
@@ -671,24 +671,21 @@ def _tested_factor(
     return factor
 
 
-def _levels(
-    samples: OptionSamples,
-    name: str,
-    count: int,
-) -> Array:
-    """Return the quantile levels of the field on which the effect of an edit depends, for all sets, shape (count,).
+def _levels(samples: OptionSamples, name: str) -> Array:
+    """Return the quantile levels of the field on which the effect of an edit depends, shape (sets x rows,).
 
     The effect of another coupling depends on the present support of the wave generator: it is larger for a stiff one.
     The levels of other edits are 0.
 
     name: name of the edit.
-    count: number of sets of all samples.
     """
-    if not name.startswith("coupling:"):
-        return np.zeros(count)
-    levels = samples.support_levels
+    rows = len(samples.rows)
+    levels = samples.support_levels if name.startswith("coupling:") else np.zeros(rows)
+    if samples.all_sets is None:
+        return levels
     # the sets of a sample have the same support
-    return np.tile(levels, count // len(levels))
+    F_ior, _ = samples.all_sets
+    return np.tile(levels, len(F_ior) // rows)
 
 
 def _donors(
