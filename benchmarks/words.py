@@ -7,7 +7,7 @@ HEAD = """\
 
 This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed
 target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of about ten
-minutes and generates this page. The previous run is shown for comparison. The options `--from` and `--anew` repeat
+minutes and generates this page. With `--first`, a previous run is shown as well. The options `--from` and `--anew` repeat
 parts of an earlier run. Ratios can be compared between machines, whereas absolute times depend on the machine named
 below and on its load.
 
@@ -77,23 +77,20 @@ REASONS = {
     "The values of sampled drives are affected. The values of a nominal drive are not affected, because every state "
     "of its mesh cycle is solved. Next attempt: a fourth grid for the positions in which one mesh zone carries "
     "nearly the whole torque.",
-    "check": "The table gives the shares of the processor time of `check vzp160`, measured in one process on a busy "
-    "machine:\n\n| part of the work | share |\n| --- | --- |\n| 64 sampled drives | 36 % |\n| options: twelve "
-    "changed drives (in other holes, with tighter tolerances, or with another coupling) | 15 % |\n| self error: 400 "
-    "pairs of phases, each with its own contacts and programme | 13 % |\n| cross-check of ten states by another "
-    "solver | 11 % |\n| all other imports (a quarter is scipy.special, which cvxpy imports too) | 9 % |\n| solution "
-    "of every state at both torques | 7 % |\n| import of cvxpy without scipy.stats | 4 % |\n\nOne sampled drive "
-    "takes 30 ms. The references of the contact systems, one per torque, take a third of this time. The search in C "
-    "takes a quarter. The computation of the contacts and the check of the rules of the drive take a seventh. The "
-    "remainder is computation in numpy for small groups of states. Even without sampled drives, the command would "
-    "take more than half of its present time. Next attempt: solve the programmes of the self error in C.",
-    "check own.yaml": "The 72 sampled drives take 49 % of the time, because each takes twice as long as a sampled "
-    "drive of `vzp160`. The search at two torques takes 28 % of the whole time, and is part of these 49 %. The "
-    "computation of the profile shift needs another contact system, and takes 9 %. The stiffness for the comparison "
-    "with the catalogue takes 5 %. In addition to the sampled drives, the options take 17 % and the self error takes "
-    "12 %. The cross-check with its import of cvxpy takes 14 %, and the solution of every state takes 9 %. A third "
-    "of the whole time is spent in C. Next attempt: find the profile shift from the gaps, without a contact system, "
-    "and solve the programmes of the self error in C.",
+    "check": "The table gives the shares of the processor time of `check vzp160`, measured with a profiler in one "
+    "process:\n\n| part of the work | share |\n| --- | --- |\n| options: drives with tighter tolerances, another "
+    "coupling or another accuracy | 24 % |\n| options: the sampled drives in other holes | 13 % |\n| options: "
+    "corrections | 3 % |\n| 64 sampled drives | 15 % |\n| cross-check of ten states by another solver, with its "
+    "import | 15 % |\n| self error: 400 pairs of phases, each with its own contacts and programme | 6 % |\n| solution "
+    "of every state at both torques | 3 % |\n| all other imports and the page | 21 % |\n\nThe options take the "
+    "largest part, because each of them is solved as an edit of the preset with all samples. In an earlier version, "
+    "which estimated the effect of most options, the command took 7 times as long as the import of cvxpy. Next "
+    "attempt: end the solution of an option as soon as its interval excludes that it is among the best ones.",
+    "check own.yaml": "The sampled drives take 41 % of the time, the options 21 %, and the cross-check with its "
+    "import of cvxpy 13 %. The self error takes 6 %, the solution of every state 4 %, and the stiffness for the "
+    "comparison with the catalogue 2 %. A sampled drive takes longer than one of `vzp160`, because its profile shift "
+    "and its stiffness need further contact systems. Next attempt: find the profile shift from the gaps, without a "
+    "contact system, and solve fewer samples of options that are not among the best ones.",
     "mount": "The error of 64 sampled drives is searched in twelve holes at both torques. In an earlier version, "
     "whose searches needed more states, this took 73 % of the time, and two thirds of these 73 % were spent in C. "
     "The curve of the nominal drive takes 14 %, because it uses finer grids and, in two holes, every state. The "
@@ -180,9 +177,8 @@ Each item names the chosen method and the alternative, and gives the result of t
   point, the standard deviation is 1.1 and 2.4 %.
 - **Four pivots at once**, instead of two. This shortens a search by a sixth if the single pitch deviations are large.
 - **A separate solution for each pair of phases of the self error**, instead of one factorization for all pairs with a
-  Schur complement over the bore contacts. The self error takes 10 % of the time of `check vzp160`. The solution of all
-  800 states in C takes a quarter of these 10 %, which is about 2.4 % of the time of the command. A common factorization
-  could not save more than this. Sums and residuals in numpy take another quarter, contact systems a fifth, and
+  Schur complement over the bore contacts. The self error takes 6 % of the time of `check vzp160`. The solution of all
+  800 states in C takes a quarter of these 6 %. A common factorization could not save more than this quarter. Sums and residuals in numpy take another quarter, contact systems a fifth, and
   programmes an eighth.
 - **All flanks that overlap the other spline as candidates**, instead of the flanks within a window. A window of 30
   degrees was tried, in which the certificate of each state includes the gaps of all flanks beyond the window. The
