@@ -7,8 +7,8 @@ HEAD = """\
 
 This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed
 target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of about ten
-minutes and generates this page. With `--first`, a previous run is shown as well. The options `--from` and `--anew` repeat
-parts of an earlier run. Ratios can be compared between machines, whereas absolute times depend on the machine named
+minutes and generates this page. With `--first`, a previous run is shown as well. The options `--from` and `--anew`
+repeat parts of an earlier run. Ratios can be compared between machines, whereas absolute times depend on the machine named
 below and on its load.
 
 All times are processor times. The time of a whole process includes the command and its workers, the start of the
@@ -178,8 +178,8 @@ Each item names the chosen method and the alternative, and gives the result of t
 - **Four pivots at once**, instead of two. This shortens a search by a sixth if the single pitch deviations are large.
 - **A separate solution for each pair of phases of the self error**, instead of one factorization for all pairs with a
   Schur complement over the bore contacts. The self error takes 6 % of the time of `check vzp160`. The solution of all
-  800 states in C takes a quarter of these 6 %. A common factorization could not save more than this quarter. Sums and residuals in numpy take another quarter, contact systems a fifth, and
-  programmes an eighth.
+  800 states in C takes a quarter of these 6 %. A common factorization could not save more than this quarter. Sums and
+  residuals in numpy take another quarter, contact systems a fifth, and programmes an eighth.
 - **All flanks that overlap the other spline as candidates**, instead of the flanks within a window. A window of 30
   degrees was tried, in which the certificate of each state includes the gaps of all flanks beyond the window. The
   window reduced the time per state by 10 %, and the time per reference by 30 %. However, 9 of 12 samples of a
