@@ -8,8 +8,8 @@ HEAD = """\
 This page gives the times and the memory of hdassist, compares them with targets, and states the reason for each missed
 target. `python -m benchmarks --json second.json --first first.json --write` measures all values in one run of about ten
 minutes and generates this page. With `--first`, a previous run is shown as well. The options `--from` and `--anew`
-repeat parts of an earlier run. Ratios can be compared between machines, whereas absolute times depend on the machine named
-below and on its load.
+repeat parts of an earlier run. Ratios can be compared between machines, whereas absolute times depend on the machine
+named below and on its load.
 
 All times are processor times. The time of a whole process includes the command and its workers, the start of the
 interpreter, and all imports. In the targets, this time is given relative to the time of an import: cvxpy for commands
