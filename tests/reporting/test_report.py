@@ -224,7 +224,7 @@ def test_report_states_any_hole_if_no_hole_is_better():
     [tiles] = [block for block in report.blocks if isinstance(block, Tiles)]
     assert next(value for label, value, _ in tiles.rows if label == "position of the fixed wheel") == "any"
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
-    assert "by percentile of the sampled drives" in ranges.y_label
+    assert "by percentile of the drives" in ranges.y_label
     (shown,) = (f"{point['F_ior_shown_arcsec']:.1f}″" for point in told["check"]["operating_points"])
     assert [f"of a sampled drive with F'_ior {shown}" in error.y_label for error in errors] == [True]
     assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")

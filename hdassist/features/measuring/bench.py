@@ -437,7 +437,7 @@ def _note_unused(table: NumberTable, used: set[int]) -> None:
     """
     unused = [name for column, name in enumerate(table.names) if column not in used]
     if unused:
-        table.notes.append(f"columns not used: {', '.join(unused)}")
+        table.notes.append(f"not used: {', '.join(unused)}")
 
 
 def _from_any_zero(off_arcsec: Array) -> Array:

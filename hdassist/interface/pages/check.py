@@ -279,7 +279,7 @@ def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     return Curve(
         *shares_below(samples.sets_arcsec[:, :, check.governing].ravel(), samples.set_weights.ravel()),
         x_label="",
-        y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the sampled drives, ″{line}",
+        y_label=f"F'_ior at {point.M_g:g} N·m by percentile of the drives, ″{line}",
         limit=point.left_arcsec,
         rows=2,
     )
@@ -446,7 +446,7 @@ def _step_words(step: Step, drive: Drive) -> str:
         count = _COUNTS[len(step.of.split(","))]
         return f"measure F'_ior in {count} {places} and use the best"
     return {
-        "correction": f"record the full cycle and store {step.of} correction terms",
+        "correction": f"record the full cycle, store {step.of} correction terms",
         "tolerance": f"reduce {step.of} by a third",
         "coupling": f"use an Oldham coupling (cam.coupling={step.of})",
         "accuracy": f"use a drive with an accuracy of {step.of}″ (catalogue.accuracy)",

@@ -27,7 +27,7 @@ from hdassist.features.report import Curve, Fact, Facts, Json, Report, Table, cs
 from hdassist.interface.terminal.words import ENVELOPE, again
 from hdassist.run.errors import Verdict
 
-UNPROVEN = "No correction has been tested on a real drive yet: record the corrected error."
+UNPROVEN = "No correction was tested on a real drive yet. Record the corrected error."
 _TOLD_NOISE_CYCLES = 1.5  # smallest number of full cycles in a recording from which its noise can be determined
 _PART_WORDS = {  # parts of the error, by their names in JSON
     "with the cam": "repeats every input revolution",
@@ -184,7 +184,7 @@ def _verdict(result: Correction) -> str:
 
 def _why(result: Correction) -> Iterator[str]:
     table = next(residual for residual in result.forms if residual.form.turn == "cam")
-    table_words = f"a table over one input revolution would leave {_percent(table)} % of it"
+    table_words = f"a table over one input revolution would leave {_percent(table)} %"
     if table.left[1] <= HALVED:
         yield f"The error repeats every input revolution, as with an oval wheel; {table_words}."
     else:
@@ -201,8 +201,8 @@ def _other_loads(result: Correction) -> Iterator[str]:
         is_elsewhere = residual.case == IN_PLACE and residual.M_g != result.M_g
         if is_elsewhere and residual.p50 > residual.uncorrected_p50:
             statistic = "the median of F'_ior" if result.samples else "F'_ior"
-            change = f"from {residual.uncorrected_p50:.1f} to {residual.p50:.1f}″"
-            yield f"At {residual.M_g:g} N·m this correction increases {statistic} {change}."
+            change = f"{residual.uncorrected_p50:.1f} → {residual.p50:.1f}″"
+            yield f"At {residual.M_g:g} N·m this correction increases {statistic}: {change}."
 
 
 def _part_words(part: ErrorPart) -> str:
@@ -299,7 +299,7 @@ def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> T
     cases_in_words = tuple(_case_words(residual) for residual in heads)
     none = ("uncorrected", *(f"{residual.uncorrected_p50:.1f}" for residual in heads))
     rows = [(form_words(residual.form.name), *(_range(residual.residuals[k]) for k in cases)) for residual in forms]
-    title = f"residual F'_ior, ″; last columns: with a wrong zero or with lost revolutions, at {heads[-1].M_g:g} N·m"
+    title = f"residual F'_ior, ″; last columns: with a wrong zero or one revolution lost, at {heads[-1].M_g:g} N·m"
     return Table(title, ("correction", *cases_in_words), (none, *rows))
 
 

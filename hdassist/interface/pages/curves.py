@@ -333,10 +333,7 @@ def _lost_motion_limit(drive: Drive, lost_motion_arcsec: float) -> str:
     origin = " (assumed)" if source and source.kind == "assumed" else ""
     excess = off(lost_motion_arcsec, limit_arcsec) or 0.0
     compared = f"exceeds this limit by {excess:.0f} %" if excess > 0 else "is below this limit"
-    return (
-        f"at most {limit_arcsec:g}″{origin}, friction included; the lost motion of the model, which "
-        f"omits friction, {compared}"
-    )
+    return f"at most {limit_arcsec:g}″{origin}, friction included; the model, which has no friction, {compared}"
 
 
 _ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")

@@ -572,8 +572,8 @@ def _positions_table(
     probability_heads = ("P(better)", "P(within 5 %)") if is_sampled else ()
     notes = []
     if is_sampled:
-        better = f"lower than in {start_of_count(advice.drive)} by more than {100 * decision.cost:g} %"
-        notes.append(f"P: probability, %; better: {better}; within 5 %: of F'_ior in the best hole")
+        better = f"lower than in {start_of_count(advice.drive)} by > {100 * decision.cost:g} %"
+        notes.append(f"P(better): {better}; P(within 5 %): of the best hole; in %")
     mean = " mean" if is_sampled else ""
     governing = " at governing torque" if len(advice.torques) > 1 else ""
     of_what = f":{mean}{governing}" if mean or governing else ""

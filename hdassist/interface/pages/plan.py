@@ -203,7 +203,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
     """
     points = {judgement.plan.readings: 100 * judgement.seen[0] for judgement in choice.over_positions}
     groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
-    group_words = f"; lowest of every {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
+    group_words = f"; lowest of each {len(groups[0])} adjacent numbers" if len(groups[0]) > 1 else ""
     enough_readings = [judgement.plan.readings for judgement in choice.enough if not judgement.plan.is_record]
     return Curve(
         np.array([group.mean() for group in groups]),

@@ -298,8 +298,8 @@ def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
     if not np.any(best > built) and smallest_reduction >= 0:
         return ""
     reference = "its limit" if summary.has_limit else "the value as assembled"
-    hole = f"one hole per drive for all torques; at the worst torque, its F'_ior relative to {reference} is smallest"
-    return f"{hole}. At another torque, this hole may be worse than the hole as assembled"
+    hole = f"one hole per drive for all torques, with the smallest F'_ior relative to {reference} at the worst torque"
+    return f"{hole}. At a single torque this hole may be worse than the hole as assembled"
 
 
 def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
