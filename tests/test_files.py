@@ -23,7 +23,7 @@ schema: hdassist.targets/1
 unknowns: {gears.j_n: {low: 0, high: 40}}
 targets: [{quantity: F_ior, M_g: 4, phase: 0, value: 14, tolerance: 0.5}]
 """
-INPUT, TWO = "is also an input of this run", "receive two results"
+INPUT, TWO = "is also an input of this run", "two results would be written to"
 
 
 @pytest.fixture

@@ -133,7 +133,7 @@ def test_measure(tmp_path: Path):
         assert words in output
     for words in ("agrees", "explained by one deviation", "mirrored --error-is output-cam"):
         assert words in output
-    assert "the ratio that fits is 101.000" in output
+    assert "the recording indicates a ratio of 101.000" in output
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
 
 

@@ -271,7 +271,7 @@ def test_preset_is_a_library_name_or_a_yaml_file(name, preset):
         (["b.YML", "--torque", "1e8"], 2, "a torque"),
         (["b.YML", "--csv", "a.csv"], 2, "use hdassist check a.yaml b.YML --csv FILE"),
         (["none.yaml"], 4, "no such file: none.yaml"),
-        (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
+        (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: must be from"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(files, args, code, words):

@@ -390,7 +390,7 @@ class Sampling:
         drive = self.prior.drive.with_values(values)
         for path, value in values.items():
             if not drive.allows(path, value):
-                return self._refused(f"{path}: out of range")
+                return self._refused(f"{path} is out of range")
         drive, follows, proof = self._meshed(drive, field_shares)
         if conflict := first_conflict(drive):
             return self._refused(f"{conflict.path}: {conflict.message}")

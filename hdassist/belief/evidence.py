@@ -469,6 +469,6 @@ def require_shown(
     if min(map(nearest, considered)) > _UNSHOWN:
         ranges = []
         for name, value, column in zip(names, y, f.T, strict=True):
-            ranges.append(f"{name} = {value:g}, samples {column.min():.4g} to {column.max():.4g}")
+            ranges.append(f"{name} is {value:g}, but its samples range from {column.min():.4g} to {column.max():.4g}")
         words = "; ".join(ranges)
-        raise UntrustedError(f"no sampled drive reproduces the measured F'_ior, ″: {words}", hint)
+        raise UntrustedError(f"no sampled drive reproduces the measured F'_ior (in arcsec): {words}", hint)

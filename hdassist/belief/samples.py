@@ -604,7 +604,7 @@ def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
     solved = [draw.figures for draw in draws if draw.F_ior_arcsec is not None]
     predicted = np.array([[figures[datum.figure] for datum in sampling.measured] for figures in solved])
     paths = [datum.path for datum in sampling.measured]
-    hint = "check the values, torque and holes first, then the assumed ranges"
+    hint = "check the measured values, their torque and their holes first, then the assumed ranges"
     require_shown(paths, predicted, *values_of_errors(sampling.measured), hint)
 
 
@@ -633,7 +633,8 @@ def _few(
             default="no result",
         )
         raise UntrustedError(
-            f"{too_few}: {refused} samples are not valid drives (mostly: {reason})", "narrow the assumed ranges"
+            f"{too_few}; {refused} samples are not valid drives (most frequent reason: {reason})",
+            "narrow the assumed ranges",
         )
     likelihood_without = {
         datum: _mean_likelihood(draws, evidence[:place] + evidence[place + 1 :]) for place, datum in enumerate(evidence)
@@ -643,13 +644,14 @@ def _few(
         if is_answer:
             return answer
         raise UntrustedError(
-            f"{too_few}: too few samples agree with all reference data together, "
-            "although no single value contradicts the rest",
+            f"{too_few}; too few samples agree with all reference data at once, "
+            "although no single value contradicts the others",
             "narrow the assumed ranges",
         )
     raise UntrustedError(
-        f"{too_few}: {doubted.path} = {doubted.value:g} contradicts the other reference data or the assumed ranges",
-        "check that value and its unit, then the assumed ranges",
+        f"{too_few}: the value {doubted.path} = {doubted.value:g} contradicts the other reference data "
+        "or the assumed ranges",
+        "check this value and its unit first, then the assumed ranges",
     )
 
 

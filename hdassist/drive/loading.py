@@ -214,7 +214,7 @@ def set_override(
     if not equals or not all(full_path) or not key.strip().isprintable():  # YAML does not have such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: expected section.key=VALUE (got {shown(text) or 'nothing'})",
-            f"for example {OVERRIDE} gears.j_n=6",
+            f"use, for example, {OVERRIDE} gears.j_n=6",
         )
     at_key = Mark(index, 1)
     start = len(key) + 1
@@ -368,7 +368,7 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
             if path in table and beside_wins == own_wins:
                 document.add(
                     spread_path,
-                    "given twice",
+                    "the uncertainty is given twice",
                     f"the value itself states an uncertainty of {spread:g}; leave out one of the two",
                 )
             elif path not in table or beside_wins:
@@ -392,7 +392,7 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
             document.add(
                 ("fit", path),
                 message,
-                "give each field the same number of values; values at the same place belong to one drive",
+                "give each field the same number of values; values in the same place belong to one drive",
             )
         elif value is not None and value != table_values[0] and not document.is_override(field_path):
             document.warn(
@@ -503,7 +503,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     """Warn of limits at torques that are not computed."""
     narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
-    message = "a limit at a torque that is not in operation.M_g: accept uses it, check does not"
+    message = "the torque of this limit is not in operation.M_g; accept uses the limit, but check does not"
     for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
@@ -524,14 +524,14 @@ def _warn_of_model(drive: Drive, document: Document) -> None:
         if document.is_override(path):
             document.warn(
                 path,
-                f"{value} differs from the numerics.{name} with which values of this preset were identified",
-                "identified values are valid only with that setting; calibrate again with the new one",
+                f"{value} differs from the setting with which values of this preset were identified",
+                f"calibrate again, because identified values are valid only with the numerics.{name} used in their fit",
             )
         elif path not in document.places:
             document.warn(
                 ("source",),
-                f"values were identified, but with an unknown numerics.{name}; {value} is used",
-                f"older values belong to {before}: write numerics.{name}: {before}, or calibrate again",
+                f"the preset has identified values but does not state their numerics.{name}; {value} is used",
+                f"write numerics.{name}: {before} if an older version identified the values, or calibrate again",
             )
 
 
@@ -561,14 +561,15 @@ def similar_preset(
     Raises UsageError for an invalid name, for requirements that contradict each other, or if no drive meshes.
     """
     if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
-        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
+        raise UsageError(f"invalid name of a drive: expected 1 to {MAX_NAME} printable characters", "use another name")
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
         # the text is read again to make sure that the new preset is valid
         counts = origin_counts(load_text(text, name))
     except PresetError as error:
-        raise UsageError(f"no valid drive: {error.findings[0].message}", "choose other teeth or another size") from None
+        message = f"these values do not give a valid drive: {error.findings[0].message}"
+        raise UsageError(message, "choose other tooth numbers or another size") from None
     like_name = like.name if like.name.isprintable() else "another drive"
     value_counts = f"values given: {counts['given']}, assumed: {counts['assumed']}"
     head = f"# Made by hdassist presets new, scaled from {like_name}; {value_counts}."
@@ -680,13 +681,13 @@ def with_changes(
             continue
         if len(parts) == 1:
             raise DataError(
-                f"--set {override} cannot be saved", "write it into the file; only single fields can be saved"
+                f"--set {override} cannot be saved", "edit the file instead; only values of single fields can be saved"
             )
         section, name, *entry = parts
         path = f"{section}.{name}"
         if path not in field_table():
             raise DataError(
-                f"--set {override} cannot be saved", "write it into the file; only single fields can be saved"
+                f"--set {override} cannot be saved", "edit the file instead; only values of single fields can be saved"
             )
         changes.add(path)
         _set_value(tables, path, _tables(written), *entry)
@@ -787,7 +788,9 @@ def _written(
         same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
         if same and read.uncertainty == wanted.uncertainty:
             return text
-    raise DataError(f"{file} cannot be changed in place", "change it in an editor; hdassist presets new shows the form")
+    raise DataError(
+        f"{file} cannot be changed automatically", "edit the file; hdassist presets new shows the usual layout"
+    )
 
 
 SCHEMA_FILE = "hdassist-preset.schema.json"  # schema file named in the first line of a new preset

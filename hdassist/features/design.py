@@ -592,7 +592,7 @@ class SweepRow(ClosedRecord):
         has_answer = self.F_ior_arcsec is not None
         codes = (0,) if has_answer else (HdassistError.exit_code, DataError.exit_code, UntrustedError.exit_code)
         if self.exit_code not in codes or has_answer != (self.reason is None):
-            raise ValueError("expected F'_ior and no exit code, or a reason with the exit code of its error")
+            raise ValueError("expected either F'_ior, or a reason with the exit code of its error")
 
 
 @dataclass(frozen=True)

@@ -332,7 +332,8 @@ class EncoderData:
         numbers = [number_of(part) for part in text.split(",")]
         if len(numbers) > 3 or not all(0 <= number <= LARGEST_UNCERTAINTY for number in numbers):
             hint = (
-                "output encoder: step and graduation error in arcsec; input encoder: step in deg; for example 0.5,1,0.1"
+                "state resolution and graduation error of the output encoder in arcsec, and resolution of the input "
+                "encoder in deg, for example 0.5,1,0.1"
             )
             message = f"expected STEP[,GRADUATION[,CAM]], each from 0 to {LARGEST_UNCERTAINTY:g}"
             raise UsageError(f"invalid --encoders {text}: {message}", hint)
@@ -569,7 +570,7 @@ def choose_plan(
     """
     # lines require an error that is a function of the wheels' angles
     if not searchable(drive):
-        raise UsageError("a plan needs bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
+        raise UsageError("planning a test requires bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     torques = drive.operation.M_g
     rooms = limits_left(drive, torques, run)
     # a test is planned for one torque

@@ -126,8 +126,9 @@ def _require_memory() -> None:
     """Raise DataError if the address space of a process (ulimit -v) is too small for numpy and its solvers."""
     limit = address_limit()
     if limit is not None and limit < _ADDRESSES:
-        message = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too small for a computation"
-        raise DataError(message, f"raise the limit: ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
+        message = f"the memory limit of a process, {limit / 1e6:.0f} MB, is too low for a computation"
+        hint = f"raise the limit (in kB) to at least this value: ulimit -v {_ADDRESSES // 1000}"
+        raise DataError(message, hint, Fault.SYSTEM_LIMITS)
 
 
 def _process(

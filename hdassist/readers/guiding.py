@@ -150,7 +150,7 @@ def _best_section(sections: Sequence[_Section]) -> _Section:
     chosen = unguided if is_preferred or not longest.is_guided else longest
     if not (chosen.span_s and isfinite(chosen.facts.scale)):
         raise DataError(
-            "the PHD2 guide log has no section of frames with a pixel scale, times, distances and pulses",
+            "the PHD2 guide log contains no frames with a pixel scale, times, distances and pulses",
             "use a log with the pixel scale above the frames, and with the columns Time, RARawDistance and RADuration",
         )
     return chosen
@@ -360,12 +360,12 @@ def _with_pulses_added(frames: Sequence[_Frame], rate_px_s: float) -> list[_Fram
     if any(isnan(frame.pulse_s) for frame in frames):
         raise DataError(
             "the guide log contains pulses without a direction",
-            "use a log in which the column RADirection states E or W",
+            "use a log with E or W in the column RADirection",
         )
     if sum(frame.pulse_s * frame.distance_px for frame in frames) < 0:
         raise DataError(
             "the pulses of the guide log increase the error instead of reducing it",
-            "use a log with guide output off, for example of the Guiding Assistant",
+            "use a log recorded with the guide output off, for example by the Guiding Assistant",
         )
     moved_s = 0.0
     unguided = []

@@ -69,9 +69,12 @@ _CHOICES = {  # by key: valid values, and their description for messages
     "flank": (get_args(_Flank), "left or right"),
 }
 ASSUMED = {  # by key: assumed value if none is stated, and the note on it
-    "form": ("cumulative", "no form stated; read as cumulative deviations"),
-    "unit": ("um", "no unit stated; read as um"),
-    "sense": ("ccw", "no sense stated; read as numbered counter-clockwise, seen from the wave generator side"),
+    "form": ("cumulative", "no form is stated; the values are read as cumulative deviations"),
+    "unit": ("um", "no unit is stated; the values are read as um"),
+    "sense": (
+        "ccw",
+        "no sense is stated; the teeth are read as numbered counter-clockwise, seen from the wave generator side",
+    ),
     "sign": ("along", ""),
 }
 COLUMNS_HINT = (
@@ -183,10 +186,10 @@ def _marked_tooth(
     """
     mark = int(stated.value("mark") or first)
     if not stated.stated["mark"]:
-        stated.table.notes.append(f"no mark stated; tooth {mark} is the marked tooth")
+        stated.table.notes.append(f"no mark is stated; tooth {mark} is taken as the marked tooth")
     elif not first <= mark < first + teeth:
-        message = f"not a tooth of the wheel, whose teeth are {first} to {first + teeth - 1}"
-        stated.refused("mark", message, "", "give the number of the tooth with the mark")
+        message = f"the mark must be one of the wheel's teeth, {first} to {first + teeth - 1}"
+        stated.refused("mark", message, "", "state the number of the marked tooth")
     return mark
 
 
@@ -274,7 +277,7 @@ class _Statements:
             # comments and column names may repeat the same statement
             if statement.value != stated[0].value:
                 hint = f"line {stated[0].line} states {stated[0].text}; keep one of the two"
-                return self.refused(key, "stated twice with different values", default, hint, statement)
+                return self.refused(key, "two different values are stated", default, hint, statement)
         if not stated and note:
             self.table.notes.append(note)
         return stated[0].value if stated else default
@@ -369,7 +372,7 @@ def _rows_by_tooth(
         # rows may be in any order, but each tooth must occur once
         if row_of.setdefault(int(number), row) != row:
             hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
-            table.add_at(row, column, "a tooth is given twice", f"{number:g}", hint)
+            table.add_at(row, column, "the tooth is given twice", f"{number:g}", hint)
     # numbering starts at 0 or 1
     first = 0 if 0 in row_of else 1
     wanted = range(first, first + teeth)
@@ -457,11 +460,13 @@ class WheelFiles:
         """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""
         for name, mark in self.marks.items():
             if name not in self.files:
-                raise UsageError(f"--mark-{name} needs a measured wheel", f"name its file with --pitch-{name} FILE")
+                message = f"--mark-{name} requires the pitch deviations of this wheel"
+                raise UsageError(message, f"name their file with --pitch-{name} FILE")
             if not isfinite(mark):
-                raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
+                message = f"invalid --mark-{name} {mark}: expected an angle in deg"
+                raise UsageError(message, f"use, for example, --mark-{name} 30")
         if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
-            message = "--pitch-form, --pitch-sense and --pitch-flank need --pitch-b or --pitch-g"
+            message = "--pitch-form, --pitch-sense and --pitch-flank require --pitch-b or --pitch-g"
             raise UsageError(message, "name the file with --pitch-b FILE or --pitch-g FILE")
 
     def read(self, drive: Drive) -> MeasuredTeeth | None:
@@ -487,7 +492,8 @@ class WheelFiles:
             if mark is None:
                 if (mark_of_preset := drive.value(f"phases.xi_{name}")) is None:
                     raise UsageError(
-                        f"unknown direction of the mark of {file}", f"state it in deg, for example --mark-{name} 30"
+                        f"the direction of the mark in {file} is unknown",
+                        f"state it in deg, for example --mark-{name} 30",
                     )
                 mark = float(mark_of_preset)
                 note = f"the mark is at {mark:g} deg, from phases.xi_{name} of the preset"

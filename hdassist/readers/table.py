@@ -208,7 +208,7 @@ class NumberTable:
                 f'"{name}" is read as {words}, but contains degrees, minutes and seconds', "check the column names"
             )
         if stated not in ("", "deg"):
-            message = f'"{name}": degrees, minutes and seconds, and the unit {stated} is stated'
+            message = f'"{name}" contains degrees, minutes and seconds, but the unit {stated} is stated'
             raise self.fault(message, "leave out the unit, or write plain numbers in that unit")
 
     def _require_known(
@@ -234,12 +234,10 @@ class NumberTable:
             )
             # the same word is used for two units
             if plain_unit(foreign) == "grad":
-                fault = "a degree in German and 1/400 of a revolution elsewhere: write deg or gon"
+                fault = "a degree in German and 1/400 of a revolution elsewhere; write deg or gon"
             elif scaled_unit_in(name):  # a unit stated in an option would not include the factor
-                fault = f"a unit with a factor, or of another quantity than {quantity}"
-                hint = (
-                    f"convert the column to one unit of {quantity}, and write it in the name, for example [{default}]"
-                )
+                fault = f"a unit with a factor, or not a unit of {quantity}"
+                hint = f"convert the column to a unit of {quantity}, and write it in the name, for example [{default}]"
             raise self.fault(f'"{name}": {foreign} is {fault}', hint)
         entries = ((line, line.entry) for line in self.remarks)
         stated = [(line, entry) for line, entry in entries if entry and PITCH_KEYS.get(entry[0]) == "unit"]
@@ -572,13 +570,13 @@ class _Rows:
             hint = (
                 f"write rows of {', '.join(self.needs)}" if self.needs else "check that this is the file with the table"
             )
-            self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
+            self._refuse(first.number, "the file contains no rows of numbers", first.text.strip(), hint)
         first_number, first_row = rows[0]
         # the most frequent width applies, because a single row may be faulty
         self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
-            message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
-            hint = "separate columns by ; or , or tabs or blanks"
+            message = f"the rows have {self.width} column, but {len(self.needs)} are needed: {', '.join(self.needs)}"
+            hint = "separate the columns by ; or , or tabs or blanks"
             self._refuse(first_number, message, row_text(first_row), hint)
 
     def _settle_names(
@@ -630,7 +628,8 @@ class _Rows:
         # one message replaces hundreds of findings
         self.table.findings.clear()
         program = _program_of([line.text for line in sample]) or "check whether this is a file of another program"
-        message = f"not a table of numbers: {len(faulty)} of the first {len(lines)} lines are not rows of {self.width}"
+        message = "the file is not a table of numbers: "
+        message += f"{len(faulty)} of the first {len(lines)} lines are not rows of {self.width} numbers"
         hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
         self._refuse(sample[0].number, message, sample[0].text.strip(), hint)
 
@@ -762,7 +761,7 @@ def _lines(
         if not line.strip(' ;,\t"\x1a') or (number == 1 and _SEPARATOR_LINE.fullmatch(line)):
             continue
         if len(line) > MAX_LINE:
-            table.add(number, 1, "", f"a line of {len(line)} characters", line, "write one row per line")
+            table.add(number, 1, "", f"the line has {len(line)} characters", line, "write one row per line")
         else:
             yield TableLine.of(number, line)
 
@@ -820,7 +819,7 @@ def _readable_parts(
         is_guide_log = program == "a guide log of PHD2"
         if first == 1 and guide != GuideForm() and not is_guide_log:
             raise UsageError(
-                f"--declination and --guide-rate apply to guide logs only, and {text.name} is not one",
+                f"--declination and --guide-rate apply to guide logs, but {text.name} is not a guide log",
                 "leave out these options",
             )
         if not (is_guide_log or program == "a PE file of EQMOD"):

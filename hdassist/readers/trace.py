@@ -45,9 +45,9 @@ _WIDEST_TURN_BACK = 2.5  # median steps: largest deviation of a reading from its
 _FEW_ROWS = 5  # minimum number of rows in a move
 _SPIKE = 10.0  # median steps: largest first step after a restart
 _Angles = NDArray[np.float64]
-BY_ORDER = "columns by their sequence: input angle, error"  # note added if no column has a name
+BY_ORDER = "without names, the columns are read as input angle and error"  # note added if no column has a name
 _TIME_BY_ORDER = (  # note added if no column has a name and a speed or a period is given
-    "columns by their sequence: time, error (--angle-unit deg for an angle)"
+    "without names, the columns are read as time and error (--angle-unit deg for an angle)"
 )
 MAX_TRACE_BYTES = 100_000_000
 _ARCSEC_PER_DEG = 3600.0
@@ -154,7 +154,7 @@ def _unwrapped(
         raise AngleError(
             int(far[0]) + 1,
             f"the direction of a step of {step:.4g} is ambiguous, because the angle restarts after {wrap:g}",
-            "record shorter steps",
+            "record smaller steps",
         )
     return joined
 
@@ -183,7 +183,7 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
     steps = np.abs(np.diff(angle))
     steps = steps[steps > 0]
     if not len(steps):
-        raise AngleError(0, "the angle does not change", "check the column of the angle")
+        raise AngleError(0, "the angle does not change", "check the angle column")
     # median step over the rows in which the shaft moved
     step = float(np.median(steps, overwrite_input=True))
     moves = _moves(angle, max(_JITTER, min(_TURNING_STEPS * step, _WIDEST_TURNING)))
@@ -196,7 +196,7 @@ def sweeps(angle: _Angles) -> list[_AngleSweep]:
         is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
         follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
         if not (is_leap and follows):  # the row is not a restart of the same move
-            message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
+            message = f"the angle jumps back: {angle[row]:.6g} deg follows {angle[last]:.6g} deg"
             raise AngleError(row, message, "sort the rows by time (--robust does not sort), or use --wrap 360")
     return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
 
@@ -285,19 +285,21 @@ class TraceForm:
         # both columns would give the error
         if self.error is not None and self.second is not None:
             raise UsageError(
-                "--error cannot be combined with --second", "name either the error, or the angle of a second encoder"
+                "--error cannot be combined with --second", "select either the error, or the angle of a second encoder"
             )
         if self.speed is not None and self.period is not None:
             raise UsageError(
                 "--speed cannot be combined with --period",
-                "use one of the two; each of them converts times to angles",
+                "use one of the two; each is sufficient to convert times to angles",
             )
         if len(angles) > _ENCODERS:
-            raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
+            message = f"invalid --angle-unit {self.angle_unit}: expected at most one unit for each encoder"
+            raise UsageError(message, "use, for example, --angle-unit deg,arcsec")
         # a unit of time requires a speed or a period
         times = [unit for unit in angles if plain_unit(unit) in TIMES]
         if times and len(angles) > 1:
-            raise UsageError(f"invalid --angle-unit {self.angle_unit}: a time is not an angle of an encoder")
+            message = f"invalid --angle-unit {self.angle_unit}: expected units of angle, not of time"
+            raise UsageError(message, "use, for example, --angle-unit deg,arcsec")
         units = [*(("--angle-unit", unit) for unit in angles if not times), ("--error-unit", self.error_unit)]
         # unknown units are rejected before a file is read
         for option, unit in units:
@@ -306,7 +308,8 @@ class TraceForm:
             except UnitError as fault:
                 raise UsageError(f"invalid {option} {unit}: {fault.message}", fault.hint) from None
         if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= _LEAST_WRAP):
-            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {_LEAST_WRAP:g} deg")
+            message = f"invalid --wrap {self.wrap:g}: expected an angle of at least {_LEAST_WRAP:g} deg"
+            raise UsageError(message, "use, for example, --wrap 360")
 
     @property
     def has_pace(self) -> bool:
@@ -467,10 +470,10 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     except PresetError as error:
         # --robust helps only if enough rows remain
         if not form.robust and len(table.lines) >= _FEWEST_ROWS and any(finding.path for finding in table.findings):
-            error.hint = "use --robust to leave out rows that are not readings"
+            error.hint = "use --robust to leave out rows without valid readings"
         raise
     if table.left_out:
-        table.notes.append(f"left out because they are not readings: lines {shortened(table.left_out)}")
+        table.notes.append(f"left out, because they contain no valid readings: lines {shortened(table.left_out)}")
     return table
 
 
@@ -588,7 +591,7 @@ def _error_of(
     Raises PresetError for a constant column, and for two encoders that disagree with the ratio.
     """
     if not np.ptp(readings.second):
-        raise table.fault("the column is constant", "check the column of the error", 0, second.index)
+        raise table.fault("the column is constant", "check the error column", 0, second.index)
     if readings.output_deg is None:
         return readings.second * second.size, 0
     return _second(table, second.index, readings.output_deg, readings.cam_deg, per_turn)
@@ -646,7 +649,10 @@ def _require_rows_and_ratio(
     """Raise PresetError if a table has too few rows, and DataError if its columns require an unstated ratio."""
     if len(table.lines) < _FEWEST_ROWS:
         raise table.fault(
-            f"rows: {len(table.lines)}", f"a recording needs at least {_FEWEST_ROWS} rows", 0, first.index
+            f"the recording has too few rows: {len(table.lines)}",
+            f"record at least {_FEWEST_ROWS} rows",
+            0,
+            first.index,
         )
     if ratio is None and "output" in (first.shaft, second.shaft):
         message = f"{table.file}: the ratio is needed to relate output and input"
@@ -777,11 +783,11 @@ def _require_small_error(
     row = _leap_in(error)
     if row is not None:
         leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
-        message = f"{spans}: here it jumps by {leap:.3g} deg and stays"
+        message = f"{spans}, because it shifts by {leap:.3g} deg from this row on"
         raise table.fault(message, _RESTART_HINT, row, column)
     row = int(np.abs(error - np.median(error)).argmax())
     leaves_out = "; --robust leaves out single outliers" if has_far_readings else ""
-    raise table.fault(spans, f"check the column of the error, its unit and the ratio{leaves_out}", row, column)
+    raise table.fault(spans, f"check the error column, its unit and the ratio{leaves_out}", row, column)
 
 
 def _angle(
@@ -800,7 +806,7 @@ def _angle(
     """
     angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
-        raise table.fault("the column is constant", "check the column of the angle", 0, column.index)
+        raise table.fault("the column is constant", "check the angle column", 0, column.index)
     # the wrap is guessed unless an option states it
     guess = _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG) if wrap is None else None
     try:
@@ -826,7 +832,7 @@ def _beside(
     values = table.in_unit(table.roles.index(role), role, default)
     # times that do not increase are not those of a clock
     if role == "time" and not (np.diff(values) > 0).all():
-        table.notes[-1] += " does not increase in every row, so it does not contain time stamps"
+        table.notes[-1] += "; it does not increase in every row, so it does not contain time stamps"
         return None
     return values
 
@@ -853,8 +859,13 @@ def _second(
                 leap = f"{difference[row] - difference[row - 1]:.4g} deg"
                 message = f"the angles of the two shafts jump apart by {leap}; an encoder was restarted or lost counts"
                 raise table.fault(message, _RESTART_HINT, row, column)
-        turns = f"the input rotates {1 / abs(slope):.5g} times as far" if slope else "the output does not rotate"
-        raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
+        turns = (
+            f"the input rotates {1 / abs(slope):.5g} times as far as the output"
+            if slope
+            else "the output does not rotate"
+        )
+        message = f"{turns}, but the ratio is {ratio:g}"
+        raise table.fault(message, "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}, in the senses of the two encoders")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * _ARCSEC_PER_DEG
@@ -891,9 +902,9 @@ def _require_ratio(
     if not fitting:
         return
     ratios_text = " or ".join(f"{fit:.3f}" for fit in fitting)
-    hint = "use --ratio, or a preset, with the ratio that fits" + _cause_of_ratio(fitting, ratio)
+    hint = "use a preset with this ratio, or state it with --ratio" + _cause_of_ratio(fitting, ratio)
     grows = f"the error grows by {ramp:.5g} arcsec over {np.ptp(cam) / WHOLE_TURN_DEG:.3g} input revolutions"
-    raise table.fault(f"{grows}: the ratio that fits is {ratios_text}, not {ratio:g}", hint, 0, column)
+    raise table.fault(f"{grows}; the recording indicates a ratio of {ratios_text}, not {ratio:g}", hint, 0, column)
 
 
 def _cause_of_ratio(fitting: Sequence[float], ratio: float) -> str:
@@ -998,8 +1009,8 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     angle = _angle_column(table, form, kinds)
     is_time = _is_time(table, angle, kinds[angle], form)
     if form.period is not None and not is_time:
-        message = f'--period is for a column of time; "{table.name(angle)}" of {table.file} has angles'
-        raise UsageError(message, "leave out --period, or select the column of time with --angle NAME")
+        message = f'--period applies to a time column, but "{table.name(angle)}" of {table.file} contains angles'
+        raise UsageError(message, "leave out --period, or select the time column with --angle NAME")
     shaft = _shaft_of_angle(kinds[angle], form, is_time=is_time)
     kinds[angle] = ""  # the column of the angle is not a candidate for the error
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
@@ -1007,7 +1018,9 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceC
     if second_index == angle:
         raise _selected_twice(table, angle, by_second=by_second)
     if by_second and shaft == "output":
-        raise table.fault("no column of input angles", "select one with --angle NAME --angle-of cam")
+        raise table.fault(
+            "the file contains no column of input angles", "select a column with --angle NAME --angle-of cam"
+        )
     if is_time:
         return _by_time(table, angle, form), _error_column(table, second_index, form)
     content = "input angle" if shaft == "cam" else "output angle"
@@ -1100,17 +1113,17 @@ def _by_time(
     Raises UsageError if the form states the other shaft for the angle.
     """
     if not form.has_pace:
-        message = f'"{table.name(index)}" is a time, not an angle'
+        message = f'"{table.name(index)}" is a column of times, not of angles'
         hint = (
             "state the speed of the output (--speed ARCSEC/S) or the period of an input revolution (--period S), "
-            "or select a column of angles with --angle NAME"
+            "or select an angle column with --angle NAME"
         )
         raise table.fault(message, hint)
     shaft: _Shaft = "output" if form.period is None else "cam"
     if form.angle_of not in (None, shaft):
         option, part = ("--speed", "output") if form.period is None else ("--period", "input")
         raise UsageError(
-            f"--angle-of {form.angle_of} cannot be combined with a column of time and {option}",
+            f"--angle-of {form.angle_of} cannot be combined with a time column and {option}",
             f"leave out --angle-of; {option} applies to the {part}",
         )
     unit = table.unit_of(index, "time", "s", TIMES, form.angle_unit, "--angle-unit")
@@ -1148,7 +1161,7 @@ def _column(
                 return same[0]
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
-        raise table.fault(f"no column {asked}", "give the name or number of a column")
+        raise table.fault(f"the file contains no column {asked}", "state the name or the number of a column")
     candidates = [index for index, column_kind in enumerate(kinds) if column_kind == kind]
     if len(candidates) == 1:
         return candidates[0]

@@ -285,7 +285,7 @@ def angle_size(unit: str) -> float:
     if (plain := plain_unit(text)) in ANGLES:
         return sense * ANGLES[plain]
     if plain == _AMBIGUOUS_DEGREE:
-        raise UnitError("grad is a degree in German and 1/400 of a revolution elsewhere", "write deg or gon")
+        raise UnitError("grad means a degree in German and 1/400 of a revolution elsewhere", "write deg or gon")
     number = number_of(plain.removesuffix("s").removesuffix("bit").strip())
     counts = 2 ** min(number, _MOST_BITS + 1) if "bit" in plain else number
     if not _FEWEST_COUNTS <= counts <= 2**_MOST_BITS:
@@ -301,9 +301,11 @@ def micrometres(unit: str) -> float:
     """Return the size of a unit in micrometres. Raises UnitError if it is not a metric unit of length."""
     plain = plain_unit(unit)
     if plain in _LENGTHS["inches"]:
-        raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")
+        raise UnitError("the unit is not metric", "convert to um or mm; 1 µin is 0.0254 um")
     if plain in ANGLES:
-        raise UnitError("an angle, not a length", "multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um")
+        raise UnitError(
+            "the unit is a unit of angle, not of length", "multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um"
+        )
     return convert(f"1 {plain or '-'}", "um")
 
 
@@ -436,11 +438,11 @@ def sexagesimal_degrees(text: str, *, by_colons: bool) -> float | None:
     minutes_text = match["minutes"] or match["minutes_by_colon"] or "0"
     seconds_text = match["seconds"] or match["seconds_by_colon"] or ""
     if seconds_text and ("." in minutes_text or "," in minutes_text):
-        raise ValueError("minutes with a fraction before seconds")
+        raise ValueError("minutes must be a whole number if seconds follow")
     minutes = float(minutes_text.replace(",", "."))
     seconds = float(seconds_text.replace(",", ".") or 0.0)
     if minutes >= _SIXTY or seconds >= _SIXTY:
-        raise ValueError("minutes or seconds of 60 or more")
+        raise ValueError("minutes and seconds must be below 60")
     degrees = float(match["degrees"]) + minutes / _SIXTY + seconds / _SIXTY**2
     return -degrees if match["sign"] in ("-", "−") else degrees
 

@@ -338,7 +338,7 @@ def _places_of_travel(posterior: AmplitudePosterior, travel_rev: tuple[float, fl
         return np.ones(points, bool)
     first, last = min(travel_rev), max(travel_rev)
     if not (np.isfinite(last - first) and last > first):
-        raise UsageError(f"invalid travel {first:g} to {last:g} output revolutions: expected a positive length")
+        raise UsageError(f"invalid travel {first:g} to {last:g} output revolutions: expected a positive travel")
     start = round(first * float(posterior.cycle) * CURVE_POINTS_PER_REV)
     stop = round(last * float(posterior.cycle) * CURVE_POINTS_PER_REV)
     covered = np.zeros(points, bool)

@@ -70,17 +70,19 @@ class Recording:
         if rows < _FEWEST_READINGS:
             raise DataError(
                 f"the recording contains only {rows} readings",
-                f"a recording needs at least {_FEWEST_READINGS} readings",
+                f"record at least {_FEWEST_READINGS} readings",
             )
         if not np.ptp(self.error_arcsec):
-            raise DataError("the error is constant", "check the column of the error")
+            raise DataError("the error is constant", "check the error column")
         if not (np.isfinite(self.ratio) and self.ratio > 1):
             raise DataError(
-                f"invalid ratio {self.ratio:g}", "give the input revolutions per output revolution, above 1"
+                f"invalid ratio {self.ratio:g}", "state the input revolutions per output revolution, a number above 1"
             )
         misfit = float(_place_and_misfit(self)[1].max())
         if misfit > _MISFIT_REV:
-            message = f"input and output angles disagree by {misfit:.3g} input revolutions at ratio {self.ratio:g}"
+            message = (
+                f"with a ratio of {self.ratio:g}, input and output angles disagree by {misfit:.3g} input revolutions"
+            )
             raise DataError(message, "check the ratio and the units of both angles")
 
     @property
@@ -123,8 +125,10 @@ def cycle_of(ratio: float) -> Fraction:
     """
     fraction = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
     if abs(float(fraction) - ratio) > 1e-9 * ratio:
-        message = f"the cycle of ratio {ratio:.6g} does not close within {LARGEST_DENOMINATOR} output revolutions"
-        raise DataError(message, "give the ratio of the numbers of teeth")
+        message = (
+            f"with a ratio of {ratio:.6g}, the mesh does not repeat within {LARGEST_DENOMINATOR} output revolutions"
+        )
+        raise DataError(message, "state the exact ratio that follows from the numbers of teeth")
     return fraction
 
 

@@ -78,7 +78,7 @@ class TextFile:
             if "\0" in text:
                 hint = "save the table as text: CSV in UTF-8"
                 zero_line = line + text.count("\n", 0, text.index("\0"))
-                raise self._refusal("a binary file", "a NUL character", hint, zero_line)
+                raise self._refusal("the file is binary", "a NUL character", hint, zero_line)
             is_empty = is_empty and not text.strip("\x1a \t\n")
             lines, newline, after = text.rpartition("\n")
             if newline:
@@ -89,7 +89,7 @@ class TextFile:
             else:
                 unfinished += after
             if len(unfinished) > max(MAX_LINE, PART):
-                raise self._refusal(f"a line of more than {MAX_LINE} characters", "", "write one row per line", line)
+                raise self._refusal(f"the line has more than {MAX_LINE} characters", "", "write one row per line", line)
         if is_empty:
             raise self._refusal("the file is empty", hint="check that the measurement was saved")
         if unfinished := unfinished.rstrip("\x1a"):
@@ -106,7 +106,9 @@ class TextFile:
                 try:
                     read = stream.read(PART)
                 except (EOFError, zlib.error, gzip.BadGzipFile):
-                    raise self._refusal("a gzip file that is damaged or cut off") from None
+                    raise self._refusal(
+                        "the gzip file is damaged or incomplete", hint="compress or copy it again"
+                    ) from None
                 data = read.encode("utf-8", "surrogatepass") if isinstance(read, str) else read
                 decoder = decoder or self._decoder(data)
                 digest.update(data)
@@ -119,7 +121,8 @@ class TextFile:
                 try:
                     yield decoder.decode(data, final=not data)
                 except UnicodeDecodeError as error:
-                    message = f"not {error.encoding[:6].upper().rstrip('-')} text, although its first bytes announce it"
+                    encoding = error.encoding[:6].upper().rstrip("-")
+                    message = f"the text is not valid {encoding}, although its first bytes indicate this encoding"
                     got = f"byte 0x{error.object[error.start]:02x}"
                     raise self._refusal(message, got, "save the file as UTF-8") from None
         self.sha256 = digest.hexdigest()
@@ -191,7 +194,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
     if not name:
         raise DataError("no such file: the name is empty", "use - for standard input", Fault.FILE_UNREADABLE)
     if name == "-" and sys.stdin is None:
-        raise DataError("cannot read standard input: it is closed", "", Fault.FILE_UNREADABLE)
+        raise DataError("cannot read standard input: it is closed", "name a file instead", Fault.FILE_UNREADABLE)
     try:
         with nullcontext(sys.stdin.buffer) if name == "-" else open_at_once(name) as stream:
             if name == "-":
@@ -339,7 +342,7 @@ def claim_output(path: str, *, is_kept: bool = False) -> None:
         if identity in _inputs:
             raise UsageError(f"{path} is also an input of this run", "write the result to another file")
         if identity in _outputs:
-            raise UsageError(f"{path} would receive two results", "write each to its own file")
+            raise UsageError(f"two results would be written to {path}", "name a separate file for each result")
     _outputs.update(dict.fromkeys(identities, path))
     if is_kept:
         _kept.add(path)

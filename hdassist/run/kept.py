@@ -54,7 +54,7 @@ def own_schema(own: str) -> AfterValidator:
 
     def require(schema: str) -> str:
         if schema != own:
-            raise ValueError(f"{schema[:60]}; this version of hdassist reads and writes {own}")
+            raise ValueError(f"the schema is {schema[:60]}, but this version of hdassist reads and writes {own}")
         return schema
 
     return AfterValidator(require)
@@ -283,10 +283,8 @@ class Kept(Generic[_RecordT]):
         raise self._lost()
 
     def _lost(self) -> DataError:
-        message = f"{self._path} was removed, replaced or cut during this run"
-        return DataError(
-            message, "run the command again, and do not change the file during the run", Fault.FILE_UNWRITABLE
-        )
+        message = f"{self._path} was removed, replaced or truncated during this run"
+        return DataError(message, "run the command again, and do not change the file meanwhile", Fault.FILE_UNWRITABLE)
 
     def begin(self) -> None:
         """Empty the file and write the owner."""
@@ -413,7 +411,8 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> tuple[int, int
         return descriptor, descriptor  # no other process can open it
     if path.endswith(".parquet"):
         raise UsageError(
-            f"{path} would be written as JSON Lines", "use FILE.jsonl for results; for a table use --parquet FILE"
+            f"results are written as JSON Lines, not to {path}",
+            "name a file FILE.jsonl; for a table, use --parquet FILE",
         )
     if is_there(path) and not is_file(path):
         raise DataError(f"{path} is not a file in which results can be stored", "name a regular file")
@@ -458,7 +457,7 @@ def _held(
                 if time.monotonic() - begun > patience:
                     os.close(descriptor)  # Windows does not remove an open file
                     message = f"{path} is being written by another run"
-                    raise UsageError(message, "wait for it to end, or name another file") from None
+                    raise UsageError(message, "wait for that run to end, or name another file") from None
                 time.sleep(0.05)
             os.close(descriptor)
 
@@ -524,7 +523,7 @@ def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
         del fields["checksum"]
         if _sealed(fields, above) == line:
             return fields, _checksum_of(line)
-    raise ValueError("expected the checksum of this line and of that above it")
+    raise ValueError("the checksum does not match this line and the line above it")
 
 
 def _checksum_of(line: bytes) -> bytes:
@@ -543,7 +542,7 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
         return _OWNER.validate_python(fields), checksum
     except (ValueError, RecursionError) as error:
         raise DataError(
-            f"{name}:1: invalid first line: {why_invalid(error)}", "the file was changed or damaged"
+            f"{name}:1: invalid first line: {why_invalid(error)}", "restore the file if it was changed or damaged"
         ) from None
 
 

@@ -205,7 +205,7 @@ def cluster(
         if type(error).__module__.partition(".")[0] not in ("distributed", "dask", "concurrent"):
             raise
         message = f"dask lost the work: {str(error) or type(error).__name__}"
-        hint = "see the log of its scheduler; then resume with the same command"
+        hint = "check the log of its scheduler, then run the same command again to resume"
         raise UntrustedError(message, hint, Fault.WORKERS_LOST) from None
 
 
@@ -340,7 +340,7 @@ def stream(
                 size, answer = chunks.popleft()
                 took, records = answer.result()
                 if len(records) != size:
-                    raise ValueError(f"{len(records)} records of {size} items")
+                    raise ValueError(f"expected {size} records, not {len(records)}")
                 # the weight of older chunks is halved each time
                 cost = cost / 2 + took
                 counted = counted / 2 + size

@@ -41,14 +41,14 @@ SAID = {
     "d": "lot.csv:5:11: lost_motion: the drive has no limit of this name (got 41)",
     "e": "lot.csv:6:12: limit order_2@4: must be a number (got x; write a number in arcsec)",
     "f": "lot.csv:7:14: phases.xi_b: must be a number (got here; write a number in deg)",
-    "g": "lot.csv:8:14: phases.xi_b: out of range: -3600 to 3600 deg (got 1e9)\n"
-    "lot.csv:8:8: limit F_ior@4: out of range: above 0, up to 1e6 arcsec (got -3)",
+    "g": "lot.csv:8:14: phases.xi_b: must be from -3600 to 3600 deg (got 1e9)\n"
+    "lot.csv:8:8: limit F_ior@4: must be above 0, up to 1e6 arcsec (got -3)",
     "h": "lot.csv:9:11: measured: no such file: none.csv",
     "i": "lot.csv:10:15: preset: no such preset or file: none",
     "j": "lot.csv:11:23: preset: a row cannot read standard input (got -; name a file)",
     "k": "lot.csv:12:12: pitch_b: no such file: none.csv",
     "l": "lot.csv:13:12: pitch_b: short.csv:1:1: column 1: the wheel has 62 teeth, the file has 2",
-    "m": "lot.csv:14:13: mark_b: --mark-b needs a measured wheel",
+    "m": "lot.csv:14:13: mark_b: --mark-b requires the pitch deviations of this wheel",
     "n": "lot.csv:15:22: mark_b: must be an angle in deg (got left)",
     "o": "lot.csv:16:13: measured: the torque is missing (got ,x:none.csv)",
 }

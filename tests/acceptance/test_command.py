@@ -89,7 +89,7 @@ def test_verdicts_and_exit_codes(rig, args, code, words):
         (["--limit", "F_ior=3", "--measured", "4=none.csv"], 4, "no such file: none.csv"),
         (["--limit", "F_ior=3", "--measured", "run.csv"], 2, "the torque is missing"),
         (["--limit", "F_iro=3"], 2, "invalid --limit F_iro=3: expected"),
-        (["--limit", "F_ior=-3"], 2, "--limit F_ior=-3: out of range"),
+        (["--limit", "F_ior=-3"], 2, "--limit F_ior=-3: must be above 0"),
         (["--limit", "F_ior=3", "--sure", "2"], 2, "'--sure'"),
         (["--limit", "F_ior=3", "--value", "F_ior@4=3"], 2, "for example 3±1.2"),
         (["--limit", "F_ior=3", "--value", "F_ior@4=abc"], 2, "for example 28.1±1.2"),
@@ -197,7 +197,7 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     again = run("accept", SMALL, "--limit", "lost_motion=1", "--csv", str(tmp_path / "figures.csv"))
     assert again.returncode == 2
     both = run("accept", SMALL, SMALL, "--measured", "4=run.csv", "--limit", "F_ior=3", cwd=rig)
-    assert (both.returncode, "measured values belong to one drive" in both.stderr) == (2, True)
+    assert (both.returncode, "measured values apply to a single drive" in both.stderr) == (2, True)
 
 
 def test_a_limit_that_nothing_predicts_asks_for_its_own_value():
@@ -227,7 +227,7 @@ def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
     limits = "--limit", "F_ior@4=60", "--limit", "lost_motion=60"
     both = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "F_ior@4=8±1")
     assert both.returncode == 2
-    assert "both a value and a recording for F'_ior at 4 N·m" in both.stderr
+    assert "both a value and a recording are given for F'_ior at 4 N·m" in both.stderr
     assert "leave out one of the two" in both.stderr
     other = accepted(rig, *limits, "--measured", "4=run.csv", "--value", "lost_motion=8±1", "-q")
     assert (other.returncode, other.stdout) == (0, "PASS\n")
@@ -235,7 +235,7 @@ def test_a_value_beside_a_record_of_the_same_is_refused(rig, tmp_path):
     lot.write_text(f"serial;measured@4;F_ior@4;limit F_ior@4\n1;{rig / 'run.csv'};8±1;60\n")
     row = run("accept", str(lot), "--preset", SMALL, "--measured-only", cwd=rig)
     assert row.returncode == 4
-    assert "both a value and a recording for F'_ior at 4 N·m" in in_a_line(row.stdout)
+    assert "both a value and a recording are given for F'_ior at 4 N·m" in in_a_line(row.stdout)
 
 
 def test_the_guard_is_in_the_unit_of_its_row(rig):

@@ -62,7 +62,7 @@ def test_remarks_above_the_heading_need_no_warning(folder: Path) -> None:
 def test_unclosed_quote_is_refused_with_its_line(folder: Path) -> None:
     code, answers, messages = accepted(folder, 'serial,F_ior@1,limit F_ior@1\n"K1,20±1,30\nK2,20±1,30\n', *MEASURED)
     assert code == 4
-    assert "lot.csv:2:1: quotes are not closed" in messages
+    assert "lot.csv:2:1: the quotes are not closed" in messages
     assert answers["K2"]["verdict"] == "PASS"
 
 

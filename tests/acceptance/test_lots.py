@@ -113,10 +113,10 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
     [
         ("serial,tolerances.F_i3", "the nearest name is tolerances.F_i"),
         ("seriel,preset", "the nearest name is serial"),
-        ("serial,measured@x", "for example measured@80"),
+        ("serial,measured@x", "write the torque in N.m: measured@80"),
         ("serial,F_ior@x", "the nearest name is F_ior@80"),
         ("serial,limt F_ior@4", r"the nearest name is limit F_ior@4"),
-        ("serial,limit K_1@80", "not a column of a lot"),
+        ("serial,limit K_1@80", "no column of a lot file has this name"),
         ("serial,F_ior@80,F_ior@80", "column 2 has the same name"),
     ],
 )
@@ -295,7 +295,7 @@ def test_answers_that_cannot_be_are_refused(tmp_path, told, path, value):
 )
 @pytest.mark.parametrize("value", [float("inf"), float("nan")])
 def test_numbers_that_are_none_are_no_answer(tmp_path, told, path, value):
-    with pytest.raises(DataError, match=r"a\.json: not JSON: Out of range"):
+    with pytest.raises(DataError, match=r"a\.json is not valid JSON: Out of range"):
         read_answers(changed(tmp_path, told, path, value))
 
 

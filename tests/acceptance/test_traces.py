@@ -269,7 +269,7 @@ def test_remarks_that_count():
 def test_what_has_no_limit_is_refused():
     with pytest.raises(DataError, match="has no acceptance limit"):
         accept(tiny())
-    with pytest.raises(DataError, match="measured at 1 N\\*m, for which there is no limit"):
+    with pytest.raises(DataError, match="measured at 1 N\\*m, for which no limit is set"):
         accept(small("F_ior@4=3"), {1.0: measure(rig(5), drive=small())})
     with pytest.raises(DataError, match="none of the limits has a measured value"):
         accept(tiny("F_ior@4=3"), measured_only=True)

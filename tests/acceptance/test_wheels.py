@@ -75,15 +75,15 @@ def test_what_is_unknown_beside_measured_teeth_leaves_it_open(folder):
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        (("--mark-b", "3"), "--mark-b needs a measured wheel"),
-        (("--pitch-sense", "cw"), "need --pitch-b or --pitch-g"),
+        (("--mark-b", "3"), "--mark-b requires the pitch deviations of this wheel"),
+        (("--pitch-sense", "cw"), "require --pitch-b or --pitch-g"),
         (
             (*FILES, "--measured-only"),
             "--measured-only makes no prediction, so measured pitch deviations cannot be used",
         ),
         (("--pitch-b", "-", "--measured", "4=-"), "standard input can be read only once"),
         (("--pitch-b", "g.csv", "--mark-b", "0"), "the wheel has 22 teeth, the file has 20"),
-        ((TINY, *FILES), "measured values belong to one drive"),
+        ((TINY, *FILES), "measured values apply to a single drive"),
     ],
 )
 def test_what_cannot_be_meant(folder, args, said):
@@ -148,11 +148,16 @@ def test_a_lot_from_standard_input(folder):
 @pytest.mark.parametrize(
     ("args", "stdin", "code", "said"),
     [
-        (("-", "--preset", "-"), LOT, 2, "a row of a lot cannot read from standard input"),
+        (("-", "--preset", "-"), LOT, 2, "the preset of a lot cannot be read from standard input"),
         (("-", TINY, "--preset", TINY), LOT, 2, "- is a lot and cannot be combined"),
-        (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "measured values belong to one drive"),
+        (("-", "--preset", TINY, "--serial", "1"), LOT, 2, "measured values apply to a single drive"),
         (("-", "--preset", TINY), "", 4, "<stdin>:1:1: the file is empty"),
-        (("-", "--preset", TINY), "serial,nothing\n1,2\n", 4, "<stdin>:1:8: nothing: not a column of a lot"),
+        (
+            ("-", "--preset", TINY),
+            "serial,nothing\n1,2\n",
+            4,
+            "<stdin>:1:8: nothing: no column of a lot file has this name",
+        ),
         (("-",), LOT, 4, "<stdin>:1:1: a preset must be a table of keys"),
     ],
 )

@@ -149,7 +149,7 @@ def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")
     few = SamplingEffort(64, 64, 64, 64)
     with pytest.raises(
-        UntrustedError, match=r"all reference data together, although no single value contradicts the rest"
+        UntrustedError, match=r"all reference data at once, although no single value contradicts the others"
     ):
         believed(drive, (4.0,), few)
     # eight effective ones are an answer that says how few they are; no verdict rests on the point

@@ -59,7 +59,7 @@ def test_a_report_has_it() -> None:
         ("lost_motion=30", "use hdassist accept for other limits"),
         ("F_ior@7=30", "--torque 7"),
         ("F_ior@4=30 mm", "--limit F_ior@4=30 mm: mm is a unit of a length"),
-        ("-3", "--limit F_ior=-3: out of range"),
+        ("-3", "--limit F_ior=-3: must be above 0"),
     ],
 )
 def test_what_is_none_is_refused_with_a_hint(command: str, limit: str, words: str) -> None:

@@ -113,7 +113,7 @@ def test_details_have_parts_forms_and_lines_before_and_after():
     ("options", "words"),
     [
         (("--points", "1"), "--points"),
-        (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), "needs bearing.ball_motion: locked"),
+        (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), "requires bearing.ball_motion: locked"),
     ],
 )
 def test_wrong_options_are_refused_in_words(options: tuple[str, ...], words: str):

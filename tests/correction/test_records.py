@@ -139,7 +139,7 @@ def test_three_of_ten_revolutions_suffice_if_the_model_fits(hidden: tuple[str, .
 def test_partial_cycle_of_a_drive_outside_the_preset_is_refused():
     oval = {1.0: record(1.0, turns=3, hidden=("phases.xi_b=290", "harmonics.a_b2=3"))}
     with pytest.raises(
-        UntrustedError, match=r"no drive within the ranges of tiny reproduces the recording: \d+ % of the error remain"
+        UntrustedError, match=r"no drive within the ranges of tiny reproduces the recording: \d+ % of the error remains"
     ):
         correct(load_preset(TINY, OPEN), records=oval, draws=16)
 
@@ -170,7 +170,7 @@ def test_mirrored_recording_is_refused_with_the_options_to_read_it(tmp_path: Pat
     asked = ("compensate", TINY, "run.csv", "--torque", "1", "--no-plot", "--csv", "table.csv", "--draws", "4")
     refused = run(*asked, cwd=tmp_path)
     assert (refused.returncode, refused.stdout) == (5, "")
-    assert "run.csv: the mirrored recording fits tiny clearly better" in refused.stderr
+    assert "run.csv: the mirrored recording agrees clearly better with tiny" in refused.stderr
     assert not (tmp_path / "table.csv").exists()
     assert "--error-is output-cam --cam-sense cw" in refused.stderr
     read = (*asked, "--cam-sense", "cw", "--error-is", "output-cam", "--force")

@@ -169,10 +169,10 @@ def test_row_omitted_by_eqmod_costs_little():
     [
         ("linuxcnc-1", {"points": 255}, "number of points 255 for LinuxCNC, type 1: expected at most 254"),
         ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
-        ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
+        ("siemens-840d", {"by_direction": True}, "cannot store a separate table for each direction"),
         ("moteus", {}, "--form output for moteus: expected --form cam or half-cam"),
         ("linuxcnc-1", {"turn": "cam"}, "expected --form output"),
-        ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
+        ("onstepx", {"turn": "cam"}, "864 sidereal seconds, but OnStepX stores tables of 61 to 720 s"),
     ],
 )  # fmt: skip
 def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
@@ -184,9 +184,9 @@ def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
 
 def test_mount_without_steps_or_with_too_few_is_refused():
     table = table_of("half-cam", 64, 100)
-    with pytest.raises(UsageError, match="invalid steps per degree of the mount's axis 0"):
+    with pytest.raises(UsageError, match="invalid number of steps per degree 0"):
         text_of(table, "onstepx", ControllerAxis("RA"))
-    with pytest.raises(UsageError, match="expected at most 1"):
+    with pytest.raises(UsageError, match="but OnStepX allows 1"):
         text_of(
             replace(table, error_arcsec=40 * table.error_arcsec), "onstepx", ControllerAxis("RA", steps_per_degree=300)
         )

@@ -173,7 +173,7 @@ def test_impossible_torque_gives_no_number():
     result = run("check", TINY, "--set", "operation.M_g=1e6")
     assert result.returncode == 5
     assert result.stdout == ""
-    assert result.stderr.startswith("error: wind-up of ")
+    assert result.stderr.startswith("error: the wind-up of ")
     assert "M_g = 1e+06 N·m" in result.stderr
     assert "hint:" in result.stderr
 

@@ -165,11 +165,11 @@ def test_parquet_table_equals_csv_and_is_written_from_kept_rows(tmp_path):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (("-o", "rows.parquet"), "rows.parquet would be written as JSON Lines"),
+        (("-o", "rows.parquet"), "results are written as JSON Lines, not to rows.parquet"),
         (("--parquet", "-"), "--parquet needs the name of a file, not a stream"),
         (("--parquet", os.devnull), "--parquet needs the name of a file, not a stream"),
-        (("--parquet", "there.parquet"), "there.parquet exists"),
-        (("-o", "a", "--parquet", "a"), "a would receive two results"),
+        (("--parquet", "there.parquet"), "there.parquet already exists"),
+        (("-o", "a", "--parquet", "a"), "two results would be written to a"),
     ],
 )
 def test_sweep_refuses_an_unwritable_table_before_it_computes(tmp_path, more, words):
@@ -288,7 +288,7 @@ def test_sweep_fails_if_its_file_is_removed_or_cut_meanwhile(tmp_path, change):
         change(file)
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (4, "")
-    assert f"{file} was removed, replaced or cut during this run" in err
+    assert f"{file} was removed, replaced or truncated during this run" in err
     assert "wrote" not in err
 
 

@@ -135,8 +135,8 @@ def test_a_short_curve_has_fewer_segments(reference):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"T_1": 900.0}, "T_1, 900 N.m, must be below T_2, 766.083 N.m"),
-        ({"T_2": 30.0}, "T_1, 215.221 N.m, must be below T_2, 30 N.m"),
+        ({"T_1": 900.0}, r"T_1 \(900 N.m\) must be below T_2 \(766.083 N.m\)"),
+        ({"T_2": 30.0}, r"T_1 \(215.221 N.m\) must be below T_2 \(30 N.m\)"),
         ({"T_2": -5.0}, "invalid T_2: -5 "),
         ({"T_2": np.inf}, "invalid T_2: inf "),
         ({"T_max": 0.0}, "the end of the curve: 0 "),

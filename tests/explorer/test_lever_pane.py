@@ -44,7 +44,7 @@ def test_value_out_of_range_is_refused_with_the_loader_message() -> None:
         await pilot.press("enter")
         await typed(pilot, "-3")
         await pilot.press("enter")
-        assert isinstance(app.screen, Form) and "out of range: 0 to 200 um" in screen(app)
+        assert isinstance(app.screen, Form) and "must be from 0 to 200 um" in screen(app)
         await pilot.press("escape")
         assert app.session.changes == ()
 
@@ -59,7 +59,7 @@ def test_a_step_is_a_key() -> None:
         assert app.session.changes == (("gears.j_n", "19"),)
         await to_lever(app, pilot, "bearing.g_b")
         await pilot.press("minus")
-        assert app.session.changes == (("gears.j_n", "19"),) and "out of range" in said(app)
+        assert app.session.changes == (("gears.j_n", "19"),) and "must be from" in said(app)
         await to_lever(app, pilot, "mounting.fixed")
         await pilot.press("plus")
         assert app.session.changes == (("gears.j_n", "19"),)  # no knob

@@ -38,7 +38,7 @@ def test_units_are_converted_as_in_a_preset(session: Session) -> None:
 
 
 def test_a_refused_value_bears_the_loaders_words_and_changes_nothing(session: Session) -> None:
-    with pytest.raises(UsageError, match=r"gears\.j_n: out of range: 0 to 200 um"):
+    with pytest.raises(UsageError, match=r"gears\.j_n: must be from 0 to 200 um"):
         state.edited(session, "gears.j_n", "-3")
 
 

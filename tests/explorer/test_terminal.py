@@ -274,7 +274,7 @@ def test_explorer_without_a_terminal_is_refused_with_a_script_command(tmp_path: 
     [
         (("explore", "-"), 2, "reads keys from standard input"),
         (("explore", "nosuch"), 4, "no such preset"),
-        (("explore", TINY, "--set", "gears.j_n=-1"), 2, "out of range"),
+        (("explore", TINY, "--set", "gears.j_n=-1"), 2, "must be from"),
         (("explore", TINY, "h99=3"), 2, "h0 to h11"),
     ],
 )

@@ -168,7 +168,7 @@ def test_impossible_file_name_is_refused_on_writing(folder, place, file):
     ("file", "words"),
     [
         (f"{LONG}.csv", "name too long"), ("circle", "symbolic links"), ("circle.txt", "symbolic links"),
-        (".", "directory"), ("./pipe", "is empty"), ("/dev/zero", "a binary file"), ("pipe", "is empty"),
+        (".", "directory"), ("./pipe", "is empty"), ("/dev/zero", "the file is binary"), ("pipe", "is empty"),
     ],
 )  # fmt: skip
 def test_a_trial_whose_record_can_be_no_file_is_refused(folder, file, words):
@@ -276,7 +276,7 @@ def test_a_ratio_beyond_what_a_drive_has_is_refused(folder, ratio):
 @pytest.mark.parametrize("serial", ["s" * 4_000_000, '"' + "s" * 4_000_000 + '"', "s" * 20_000])
 def test_a_cell_of_a_lot_is_bounded(folder, serial):
     Path("long.csv").write_text(f"serial,preset\n{serial},{TINY}\n")
-    require_refused(run("accept", "long.csv"), "long.csv:2:1: a line of", "characters")
+    require_refused(run("accept", "long.csv"), "long.csv:2:1: the line has", "characters")
 
 
 def test_lot_with_many_comments_is_refused_with_a_short_message(folder, alarm):

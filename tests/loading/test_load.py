@@ -144,9 +144,9 @@ def test_optional_fields_may_be_empty() -> None:
         ([("m: 0.8", 'm: "0.8"')], "",
          ['my.yaml:3:32: gears.m: must be a number, not text (got "0.8"; leave out the quotes)']),
         ([("m: 0.8", "m: 1_000")], "",
-         ["my.yaml:3:32: gears.m: must be a number (got 1_000; write it without underscores)"]),
+         ["my.yaml:3:32: gears.m: must be a number (got 1_000; write the number without underscores)"]),
         ([("j_n: 7", "j_n: ")], "", ["my.yaml:3:61: gears.j_n: needs a value "
-         "(got nothing; leave the key out for its default, 0.0)"]),
+         "(got nothing; leave out the key to use its default, 0.0)"]),
         ([("z_g: 200", "z_g: 200.5")], "", ["my.yaml:3:14: gears.z_g: must be a whole number (got 200.5)"]),
         ([("z_g: 200", "z_g: 200 teeth")], "",
          ["my.yaml:3:14: gears.z_g: must be a whole number without a unit (got 200 teeth)"]),
@@ -155,7 +155,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([("cam: {W_0: 0.96}", "cam: 0.96")], "", ["my.yaml:6:6: cam: must be a table of keys "
          "(got 0.96; its keys: W_0, coupling, shaft_d, overhang)"]),
         ([("[80, 800]", "2e7")], "",
-         ["my.yaml:8:18: operation.M_g: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
+         ["my.yaml:8:18: operation.M_g: must be from -1e7 to 1e7 N*m (got 2e7)"]),
         ([("[80, 800]", "all")], "", ["my.yaml:8:18: operation.M_g: must be a number "
          "(got all; write a number in N*m)"]),
         ([("m: 0.8", "m: 0.8 ± 1e999")], "",
@@ -172,13 +172,13 @@ def test_optional_fields_may_be_empty() -> None:
          ["my.yaml:9:25: mounting.allowed[1]: must be a whole number (got x)"]),
         # ranges, nan, inf
         ([("m: 0.8", "m: 9 cm")], "",
-         ["my.yaml:3:32: gears.m: out of range: 0.05 to 5 mm (got 9 cm; that is 90 mm)"]),
-        ([("z_g: 200", "z_g: 2")], "", ["my.yaml:3:14: gears.z_g: out of range: 20 to 1000 (got 2)"]),
+         ["my.yaml:3:32: gears.m: must be from 0.05 to 5 mm (got 9 cm; that is 90 mm)"]),
+        ([("z_g: 200", "z_g: 2")], "", ["my.yaml:3:14: gears.z_g: must be from 20 to 1000 (got 2)"]),
         ([("m: 0.8", "m: nan")], "", ["my.yaml:3:32: gears.m: must be a finite number (got nan)"]),
         ([("m: 0.8", "m: .inf")], "", ["my.yaml:3:32: gears.m: must be a finite number (got .inf)"]),
         ([("m: 0.8", "m: 1e999")], "", ["my.yaml:3:32: gears.m: must be a finite number (got 1e999)"]),
         ([("[80, 800]", "[80, 2e7]")], "",
-         ["my.yaml:8:23: operation.M_g[1]: out of range: -1e7 to 1e7 N*m (got 2e7)"]),
+         ["my.yaml:8:23: operation.M_g[1]: must be from -1e7 to 1e7 N*m (got 2e7)"]),
         # units
         ([("W_0: 0.96", "W_0: 1.2 m")], "", ["my.yaml:6:12: cam.W_0: the unit m is ambiguous "
          "(got 1.2 m; write mm or um; m may mean metre or module)"]),
@@ -190,7 +190,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "cost: {cam.W_0: {share: 1}}\n",
          ["my.yaml:9:8: cost.cam.W_0: is not the size of a deviation (got cam.W_0; for example tolerances.F_i1)"]),
         ([], "cost: {tolerances.e_hb: {share: -1, price: 2}}\n", [
-            "my.yaml:9:33: cost.tolerances.e_hb.share: out of range: above 0, up to 1e9 (got -1)",
+            "my.yaml:9:33: cost.tolerances.e_hb.share: must be above 0, up to 1e9 (got -1)",
             "my.yaml:9:37: cost.tolerances.e_hb.price: unknown key (known: share, k, least)"]),
         ([], "source: {gears.zg: {kind: given}}\n",
          ["my.yaml:9:10: source.gears.zg: is not a field (got gears.zg; the nearest name is gears.z_g)"]),
@@ -223,15 +223,15 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {kind: given, range: [1, 0.9]}}\n",
          ["my.yaml:9:40: source.cam.W_0.range: the smaller number must be first (got a list)"]),
         ([], "source: {cam.W_0: {kind: given, range: 1}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
-         "must be two numbers, the smaller one first (got 1; for example [0, 20])"]),
+         "must be two numbers, the smaller one first (got 1; write them in brackets, as in [0, 20])"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 1 N]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
          "unknown unit N (got a list; the nearest name is nm)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, .inf]}}\n",
          ["my.yaml:9:40: source.cam.W_0.range: must be a finite number (got a list)"]),
         ([], "source: {cam.W_0: {kind: given, range: [0.9, 11]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
-         "exceeds the range of the field: 0.01 to 10 mm (got a list)"]),
+         "both ends must be from 0.01 to 10 mm (got a list)"]),
         ([], "source: {gears.z_g: {kind: given, range: [190, 210]}}\n",
-         ["my.yaml:9:42: source.gears.z_g.range: only fields with a single number can have a range (got a list)"]),
+         ["my.yaml:9:42: source.gears.z_g.range: only a field with a single number can have a range (got a list)"]),
         ([("j_n: 7", "wall")], "",
          ["my.yaml:3:57: gears.wall: unknown key (known: z_g, z_b, m, alpha, x_g, x_b, h_a, h_f, j_n)"]),
         ([], "uncertainty: {xi_b: 3}\n",
@@ -239,12 +239,13 @@ def test_optional_fields_may_be_empty() -> None:
          "(got xi_b; the nearest name is phases.xi_b)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
          "is not a field with a single number (got gears.z_g; for example gears.m)"]),
-        ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
+        ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: must be "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
         ([], "fit: {gears.m: 0.8}\n", ["my.yaml:9:16: fit.gears.m: "
-         "must be two or more numbers, beginning with the preset's own value (got 0.8; for example [8950, 9020])"]),
+         "must be two or more numbers, beginning with the preset's own value "
+         "(got 0.8; write them in brackets, as in [8950, 9020])"]),
         ([], "fit: {gears.m: [0.8, 9]}\n",
-         ["my.yaml:9:16: fit.gears.m: 9 is out of range: 0.05 to 5 mm (got a list)"]),
+         ["my.yaml:9:16: fit.gears.m: each value must be from 0.05 to 5 mm, not 9 (got a list)"]),
         ([], "fit: {gears.m: [0.8, .nan]}\n", ["my.yaml:9:16: fit.gears.m: must be a finite number (got a list)"]),
         ([], "fit: {gears.m: [0.8, {}]}\n", ["my.yaml:9:16: fit.gears.m: must be a number "
          "(got a list; write a number in mm)"]),
@@ -252,34 +253,35 @@ def test_optional_fields_may_be_empty() -> None:
          ["my.yaml:9:7: fit.gears.z_g: is not a field with a single number (got gears.z_g; for example gears.m)"]),
         ([], "fit: {gears.m: [0.8, 0.81], cam.W_0: [0.96, 0.95, 0.97]}\n", ["my.yaml:9:38: fit.cam.W_0: "
          "has 3 values, but gears.m has 2 (got a list; give each field the same number of values; "
-         "values at the same place belong to one drive)"]),
+         "values in the same place belong to one drive)"]),
         ([], "acceptance: {F_ior: {foo: 3}}\n",
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
-         ["my.yaml:9:29: acceptance.F_ior.80.0: given twice (got 80.0)"]),
+         ["my.yaml:9:29: acceptance.F_ior.80.0: the key is given twice (got 80.0; keep one of the two entries)"]),
         ([], "acceptance: {F_ior: {x: 30, all: 20}}\n",
          ["my.yaml:9:22: acceptance.F_ior.x: must be a torque in N*m, or all (got x)"]),
         ([], "measured: {K_2: 0}\n",
-         ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e12 N*m/rad (got 0)"]),
+         ["my.yaml:9:17: measured.K_2: must be from 0.001 to 1e12 N*m/rad (got 0)"]),
         ([], "measured: {F_ior: 28}\n", ["my.yaml:9:19: measured.F_ior: must be a table of keys "
          "(got 28; for example {h0@80: 28.1 ± 1})"]),
         ([], "measured: {F_ior: {h4@80: 28}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
-         "must be a number and its uncertainty (got 28; for example 260 ± 10)"]),
+         "must be a number with its uncertainty (got 28; use, for example, 260 ± 10)"]),
         ([], "measured: {F_ior: {h4@80: 28 ± 0}}\n", ["my.yaml:9:27: measured.F_ior.h4@80: "
-         "value or uncertainty out of range: both must be above 0, up to 1e6 arcsec (got 28 ± 0)"]),
+         "the value and its uncertainty must both be above 0, up to 1e6 arcsec (got 28 ± 0)"]),
         *([([], f"measured: {{F_ior: {{{key}: 28 ± 1}}}}\n", [f"my.yaml:9:20: measured.F_ior.{key}: "
          f"must be a hole or an angle in deg, at a torque in N*m (got {key}; for example h4@80 or 120@80)"])
           for key in ("h4", "x@80", "h4@0", "h-1@80", "h4@80 Nm")]),
-        ([], "measured: {F_ior: {h4@90000: 28 ± 1}}\n", ["my.yaml:9:30: measured.F_ior.h4@90000: measured at more "
-         "than 100 times the largest torque of the drive, 800 N*m (got h4@90000; check that the torque is in N*m)"]),
+        ([], "measured: {F_ior: {h4@90000: 28 ± 1}}\n", ["my.yaml:9:30: measured.F_ior.h4@90000: "
+         "the torque of this value exceeds 100 times the largest torque of the drive, 800 N*m "
+         "(got h4@90000; check that the torque is in N*m)"]),
         ([], "measured: {F_ior: {h12@80.5: 28 ± 1}}\n",
          ["my.yaml:9:30: measured.F_ior.h12@80.5: the seat's holes are h0 to h11 (got h12@80.5)"]),
         ([], "measured: {F_ior: {4@80: 28 ± 1}}\n", ["my.yaml:9:26: measured.F_ior.4@80: 4 deg is not a hole of the "
-         "seat; its holes are 30 deg apart (got 4@80; for hole 4 write h4)"]),
+         "seat; its holes are 30 deg apart (got 4@80; write h4 for hole 4)"]),
         ([], "mounting: {holes: 0}\nmeasured: {F_ior: {h4@80: 28 ± 1}}\n", ["my.yaml:10:27: measured.F_ior.h4@80: "
-         "names a hole, but the seat has none (got h4@80; set their number in mounting.holes)"]),
+         "the seat has no holes (got h4@80; state an angle in deg, or set the number of holes in mounting.holes)"]),
         ([], "acceptance: {F_ior: 0}\n",
-         ["my.yaml:9:21: acceptance.F_ior: out of range: above 0, up to 1e6 arcsec (got 0)"]),
+         ["my.yaml:9:21: acceptance.F_ior: must be above 0, up to 1e6 arcsec (got 0)"]),
     ],
 )  # fmt: skip
 def test_each_thing_that_is_wrong_has_its_message(
@@ -359,8 +361,8 @@ def test_wrong_field_values_are_refused_without_validator_jargon() -> None:
 def test_a_limit_for_another_torque_is_a_warning() -> None:
     drive = load(more="acceptance: {F_ior: {80: 30, 900: 20, all: 60}}\n")
     assert drive.origin.warnings == (
-        "my.yaml:9:30: acceptance.F_ior.900: a limit at a torque that is not in operation.M_g: accept uses it, "
-        "check does not (M_g: 80, 800)",
+        "my.yaml:9:30: acceptance.F_ior.900: the torque of this limit is not in operation.M_g; accept uses the limit, "
+        "but check does not (M_g: 80, 800)",
     )
 
 
@@ -368,7 +370,7 @@ def test_torques_of_one_run_do_not_affect_the_file_limits() -> None:
     limits = "acceptance: {F_ior: {80: 30, 800: 20}}\n"
     assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
     (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
-    assert "acceptance.F_ior.70: a limit at a torque that is not in operation.M_g: accept" in said
+    assert "acceptance.F_ior.70: the torque of this limit is not in operation.M_g; accept" in said
 
 
 def test_the_frozen_reference_holds_the_numbers_of_the_paper() -> None:

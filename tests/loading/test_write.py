@@ -184,7 +184,7 @@ def test_a_changed_value_outside_its_range_leaves_the_range() -> None:
 
 def test_invalid_changes_and_changes_outside_fields_are_refused() -> None:
     text = VZP160.encode()
-    with pytest.raises(UsageError, match="out of range"):
+    with pytest.raises(UsageError, match="must be from"):
         with_changes(text, "vzp160", ["gears.j_n=-1"])
     with pytest.raises(DataError, match="cannot be saved"):
         with_changes(text, "vzp160", ["uncertainty.gears.j_n=1"])

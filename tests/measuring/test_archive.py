@@ -147,7 +147,7 @@ def test_archive_refuses_a_changed_line_and_ignores_a_cut_line(tmp_path, measure
     path.write_bytes(whole[:-40])  # the power was lost
     assert is_cut_off(folder)
     assert [each.serial for each in read_archive(folder, "17-1")] == ["17-1"]
-    with pytest.raises(DataError, match="has no measurement of 17-2"):
+    with pytest.raises(DataError, match="contains no measurement of 17-2"):
         read_archive(folder, "17-2")
     add_to_archive(folder, read_conditions("17-2", []), measured)
     assert path.read_bytes() == whole
@@ -161,7 +161,7 @@ def test_archive_refuses_a_changed_line_and_ignores_a_cut_line(tmp_path, measure
     path.write_text("mine\n")
     with pytest.raises(UsageError, match="was not written by hdassist"):
         add_to_archive(folder, read_conditions("17-3", []), measured)
-    with pytest.raises(DataError, match="has no measurement"):
+    with pytest.raises(DataError, match="contains no measurement"):
         read_archive(folder, "17-1")
 
 

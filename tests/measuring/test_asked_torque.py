@@ -70,7 +70,7 @@ def test_a_record_without_the_column_stays_as_it_was():
 
 @pytest.mark.thorough
 def test_a_torque_that_the_column_excludes_is_refused():
-    with pytest.raises(DataError, match=r"column of torque contains 10, 20, 30 N·m, not 800"):
+    with pytest.raises(DataError, match=r"torque column contains 10, 20, 30 N·m, not 800"):
         at(SWEEPS, 800.0)
     wandering = record(ONCE, 20 + 4 * np.sin(ONCE**2 / 9))
     assert at(wandering, 21.0).F_ior_arcsec == at(wandering, None).F_ior_arcsec
@@ -108,7 +108,7 @@ def test_commands_refuse_a_record_of_other_torques(command: tuple[str, ...], tmp
     (tmp_path / "run.csv").write_text(SWEEPS)
     found = run(*command, cwd=tmp_path)
     assert found.returncode == 4
-    assert "run.csv: its column of torque contains 10, 20, 30 N·m, not 800" in found.stderr
+    assert "run.csv: the torque column contains 10, 20, 30 N·m, not 800" in found.stderr
 
 
 BETWEEN = {

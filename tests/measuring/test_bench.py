@@ -101,7 +101,7 @@ def test_loops_have_hysteresis_and_lost_motion_at_each_place():
     half = loops((4.0,)).split("\n40.00000;")[0] + "\n"
     rising = record(half)
     assert isinstance(rising, LoopRecord)
-    with pytest.raises(DataError, match=r"place 4: no rising branch from -1\.6 to 1\.6"):
+    with pytest.raises(DataError, match=r"place 4: no complete rising branch from -1\.6 to 1\.6"):
         place_loops(rising, rated=40.0)
     still = record(text([np.full(30, 4.0), np.arange(30.0)], "torque_Nm;twist_arcsec", ";"))
     assert isinstance(still, LoopRecord)

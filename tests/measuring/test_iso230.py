@@ -145,7 +145,7 @@ def test_the_side_of_a_run_is_in_its_name(name: str, side: int):
 
 @pytest.mark.parametrize("name", ["run 1 return [arcsec]", "run 1 rev", "run 2 [arcsec]"])
 def test_run_without_a_side_beside_runs_with_one_is_refused(name: str):
-    with pytest.raises(PresetError, match="states no side"):
+    with pytest.raises(PresetError, match="does not state the side"):
         positions_of(f"target_deg;run 1 fwd [arcsec];{name}\n0;1;2\n90;3;5\n")
 
 

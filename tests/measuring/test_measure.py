@@ -60,7 +60,7 @@ def test_error_about_columns_read_by_sequence_names_them():
     noise = np.random.default_rng(0).standard_normal(600)
     with pytest.raises(UntrustedError) as caught:
         measure(read_trace(text([360 * EVEN, noise], "").lstrip().encode()), ratio=100)
-    assert caught.value.hint.startswith("columns by their sequence: input angle, error in arcsec; if the second column")
+    assert caught.value.hint.startswith("use --second 2 if the second column is an encoder")
 
 
 def test_steps_too_long_for_an_order():

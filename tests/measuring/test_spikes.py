@@ -20,7 +20,7 @@ def test_a_spike_is_refused_or_left_out_and_named():
     turns, error, curve = simulated(0)
     error[777] += 500
     rig = recorded(turns, error)
-    with pytest.raises(UntrustedError, match=r"lines 778: .* which no movement of a shaft explains"):
+    with pytest.raises(UntrustedError, match=r"lines 778 .* no movement of a shaft explains"):
         measure(rig, ratio=RATIO)
     result = measure(replace(rig, robust=True), ratio=RATIO)
     (text,) = result.warnings
@@ -29,7 +29,7 @@ def test_a_spike_is_refused_or_left_out_and_named():
     low, high = result.directions[0].interval_arcsec
     assert low < whole_range(curve, RATIO) < high < low + 3
     error[::16] += 500
-    with pytest.raises(UntrustedError, match=r"lines 1, 17, 33 ... \(22[56] in all\): .* too many rows to be omitted"):
+    with pytest.raises(UntrustedError, match=r"lines 1, 17, 33 ... \(22[56] in all\) .* too many rows to omit"):
         measure(replace(recorded(turns, error), robust=True), ratio=RATIO)
     bump = simulated(0)[1]
     bump[700:760] += 60  # lasts half a turn: no reading of one row
@@ -117,5 +117,5 @@ def test_clean_partial_recordings_at_uneven_angles_have_no_spikes(seed):
     assert not measure(recorded(turns, error), ratio=50).warnings
     near = np.maximum(np.diff(turns[1:]), np.diff(turns[:-1]))
     error[300 + near[300:900].argmin() + 1] += 20
-    with pytest.raises(UntrustedError, match="which no movement of a shaft explains"):
+    with pytest.raises(UntrustedError, match="no movement of a shaft explains this"):
         measure(recorded(turns, error), ratio=50)

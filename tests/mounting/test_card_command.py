@@ -66,7 +66,7 @@ def test_the_card_on_stdout_and_the_tables_in_a_file(tmp_path):
         (["--card", "-", "--json"], "standard output"),
         (["--card", "-", "-q"], "standard output"),
         (["--card", "-", "--csv", "-"], "standard output"),
-        (["--card", "card.txt", "-o", "card.txt"], "receive two results"),
+        (["--card", "card.txt", "-o", "card.txt"], "two results would be written to"),
         (["--card", "card.txt", "--serial", "x" * 61], "serial number"),
         (["--card", "card.txt", "--serial", "a\nb"], "line break"),
     ],

@@ -180,8 +180,8 @@ def test_an_outcome_says_keep_or_go_back():
     [
         (("h4",), "invalid trial 'h4'"),
         (("h12=17",), "h0 to h11"),
-        (("0=17", "--set", "mounting.holes=0", "h1=17"), "has none"),
-        (("--verify", "h4=17"), "no trials at 4 N·m"),
+        (("0=17", "--set", "mounting.holes=0", "h1=17"), "the seat has no holes"),
+        (("--verify", "h4=17"), "no measured value at 4 N·m"),
         ((*TRIALS, "--noise", "0"), "'--noise': must be at least"),
         ((*TRIALS, "--reseat", "1"), "use --noise"),
         ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N·m"),
@@ -189,11 +189,11 @@ def test_an_outcome_says_keep_or_go_back():
         ((*TRIALS, "--compensated", "phasors"), "--compensated cannot be combined with measured values"),
         ((*TRIALS, "--trial", "h0=1"), "hdassist mount PRESET h0=28.1 h4=17.3"),
         ((*TRIALS, "--sure", "1.1"), "must be at most"),
-        (("4=17",), "for hole 4 write h4"),
+        (("4=17",), "write h4 for hole 4"),
         ((*TRIALS, "--verify", "h4=17", "--card", "card.txt"), "--card cannot be combined with --verify"),
         (
             (*TRIALS, "--set", "tolerances.e_hb=0"),
-            "trials need a value of tolerances.e_hb, the size of the wave generator eccentricity",
+            "measured values require tolerances.e_hb, the size of the wave generator eccentricity",
         ),
     ],
 )
@@ -255,6 +255,6 @@ def test_required_number_of_samples_is_the_one_in_the_help():
         "mount", SMALL, "--torque", "4", *TRIALS[:3], "--draws", "16", "--set", ASSUMED, "--set", "catalogue.K_2=1e9"
     )
     assert few.returncode == 5
-    assert re.search(r" draws, 8 required: catalogue\.K_2 ", few.stderr), few.stderr
+    assert re.search(r" samples, 8 required: the value catalogue\.K_2 ", few.stderr), few.stderr
     words = in_a_line(run("mount", "-h").stdout)
-    assert "if F'_ior was measured in holes, half of this size is used. [64]" in words
+    assert "half this size is sufficient if F'_ior was measured in holes. [64]" in words

@@ -181,9 +181,9 @@ FAULTS = {
         rows().replace("30;", "# 30;"),
         "1:1: column 1: the wheel has 62 teeth, the file has 61 (got no row for tooth 30",
     ),
-    "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth is given twice"),
+    "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: the tooth is given twice"),
     "no number": (rows().replace(f"30;{VALUES[29]}", "30;n/a"), "30:4: column 2: "),
-    "unit": ("# unit: in\n" + rows(), "1:9: unit: not a metric unit"),
+    "unit": ("# unit: in\n" + rows(), "1:9: unit: the unit is not metric"),
     "size": ("# unit: mm\n" + rows(), "2:1: column 2: 3.91e+04 µm over the whole wheel"),
     "decimal comma": (rows(separator=",").replace(".", ","), "1:1: 2 columns of deviations"),
     "empty": ("", "1:1: the file is empty"),
@@ -212,10 +212,13 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
         (["check", "-", "-"], "standard input can be read only once"),
         (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read only once"),
         (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "the pitch files belong to one drive"),
-        (["mount", SMALL, "--mark-b", "20"], "--mark-b needs a measured wheel"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g needs a measured wheel"),
+        (["mount", SMALL, "--mark-b", "20"], "--mark-b requires the pitch deviations of this wheel"),
+        (
+            ["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"],
+            "--mark-g requires the pitch deviations of this wheel",
+        ),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "nan is out of range"),
-        (["trace", SMALL, "--pitch-sense", "cw"], "need --pitch-b or --pitch-g"),
+        (["trace", SMALL, "--pitch-sense", "cw"], "require --pitch-b or --pitch-g"),
     ],
 )
 def test_what_cannot_be_meant(args, words, files):

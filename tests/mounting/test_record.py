@@ -49,7 +49,7 @@ def test_recording_as_trial_gives_value_and_uncertainty_of_measure(record):
 
 def test_a_record_of_less_than_the_cycle_is_no_trial(record):
     with pytest.raises(
-        UntrustedError, match=r"3 of the 30 input revolutions of the full mesh cycle, so F'_ior is a lower bound"
+        UntrustedError, match=r"3 of the 30 input revolutions of the full mesh cycle, so its F'_ior is a lower bound"
     ):
         read_trial_or_record(f"h4={record(3)}", load_preset(SMALL), Reading(), 10.0)
 

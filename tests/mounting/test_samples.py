@@ -51,7 +51,7 @@ def test_mount_samples_stiffnesses_and_clearances_by_the_data_of_check() -> None
     figures, _ = stiffness_figures(drive)
     agreeing = changed(drive, catalogue__K_2=figures["K_2"])
     assert np.ptp(hole_samples(agreeing, (), SETUP, **effort).weight.sum(axis=1)) > 0
-    with pytest.raises(UntrustedError, match=r"of 192 draws, 3 required: catalogue\.K_2 = .* contradicts"):
+    with pytest.raises(UntrustedError, match=r"from 192 samples, 3 required: the value catalogue\.K_2 = .* contradicts"):
         hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, **effort)
 
 
@@ -138,7 +138,7 @@ def test_a_free_angle_and_many_holes() -> None:
     ("overrides", "words"),
     [
         (["bearing.ball_motion=rolling", "bearing.d_ball=2"], "bearing.ball_motion: locked"),
-        (["tolerances.e_hb=0"], "trials need a value of tolerances.e_hb, the size of the wave generator eccentricity"),
+        (["tolerances.e_hb=0"], "measured values require tolerances.e_hb, the size of the wave generator eccentricity"),
     ],
 )
 def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:

@@ -72,7 +72,7 @@ def test_value_that_is_neither_number_nor_file_is_refused(value: str) -> None:
 
 
 def test_holes_of_a_seat_without_holes() -> None:
-    with pytest.raises(UsageError, match="has none"):
+    with pytest.raises(UsageError, match="the seat has no holes"):
         read_trial("h1=17", 0)
 
 

@@ -140,12 +140,12 @@ def test_the_belief_is_that_of_check():
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (("--turns", "2"), 2, "--turns and --both need a test to evaluate"),
+        (("--turns", "2"), 2, "--turns and --both require --positions"),
         (("--limit", "self_error=3"), 2, "expected a limit of F_ior"),
         (
             ("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"),
             2,
-            "a plan needs bearing.ball_motion: locked",
+            "planning a test requires bearing.ball_motion: locked",
         ),
     ],
 )

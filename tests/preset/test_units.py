@@ -174,9 +174,9 @@ def test_the_command_line_wins() -> None:
 def test_given_twice_is_a_fault() -> None:
     text = Path(SMALL).read_text(encoding="utf-8").replace("xi_b: 90", "xi_b: 90 ± 10")
     text += "uncertainty: {phases.xi_b: 3}\n"
-    with pytest.raises(PresetError, match=r"uncertainty.phases.xi_b: given twice"):
+    with pytest.raises(PresetError, match=r"uncertainty.phases.xi_b: the uncertainty is given twice"):
         load_text(text, "a")
-    with pytest.raises(UsageError, match="given twice"):
+    with pytest.raises(UsageError, match="is given twice"):
         load_preset(SMALL, ["phases.xi_b=90±5", "uncertainty.phases.xi_b=4"])
 
 

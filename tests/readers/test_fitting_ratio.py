@@ -30,7 +30,7 @@ def test_two_encoders_name_the_ratio_that_fits(ratio: float, sense: int) -> None
     stated = round(ratio / 1.01)  # within the 2 % in which two encoders may disagree
     with pytest.raises(PresetError) as refused:
         read_trace(recording(sense * ratio), TWO_ENCODERS, stated)
-    named = re.search(r"the ratio that fits is (\d+\.\d+), not", refused.value.findings[0].message)
+    named = re.search(r"indicates a ratio of (\d+\.\d+), not", refused.value.findings[0].message)
     assert named is not None
     assert float(named[1]) == pytest.approx(ratio, abs=0.01)
 

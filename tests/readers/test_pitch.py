@@ -21,10 +21,10 @@ from hdassist.run.errors import Finding, PresetError, UsageError
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
 BARE = np.array([0.0, 3.0, -2.0, 1.0])
 ASSUMED = (
-    "no unit stated; read as um",
-    "no form stated; read as cumulative deviations",
-    "no sense stated; read as numbered counter-clockwise, seen from the wave generator side",
-    "no mark stated; tooth 1 is the marked tooth",
+    "no unit is stated; the values are read as um",
+    "no form is stated; the values are read as cumulative deviations",
+    "no sense is stated; the teeth are read as numbered counter-clockwise, seen from the wave generator side",
+    "no mark is stated; tooth 1 is taken as the marked tooth",
 )
 
 
@@ -166,8 +166,8 @@ def test_a_flank_is_chosen_among_columns() -> None:
     [
         # what the table refuses stands in test_table; here that it arrives
         ("", "1:1: the file is empty (check that the measurement was saved)"),
-        ("1\n2\n", "1:1: 1 column, needs 2: tooth number, deviation "
-         "(got 1; separate columns by ; or , or tabs or blanks)"),
+        ("1\n2\n", "1:1: the rows have 1 column, but 2 are needed: tooth number, deviation "
+         "(got 1; separate the columns by ; or , or tabs or blanks)"),
         (FOUR.replace("-2", "nan"), "3:4: column 2: must be a finite number "
          "(got nan; fill in the number, or leave out the row)"),
         # tooth numbers
@@ -179,7 +179,7 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "(got a row for tooth 5; number the teeth from 0 or 1, each tooth once)"),
         (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file has 6 "
          "(got a row for tooth 5, 6; number the teeth from 0 or 1, each tooth once)"),
-        (FOUR + "1; 0\n", "5:1: column 1: a tooth is given twice (got 1; first in line 1; keep one row)"),
+        (FOUR + "1; 0\n", "5:1: column 1: the tooth is given twice (got 1; first in line 1; keep one row)"),
         ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be a tooth number (a whole number) "
          "(got 3.5; put tooth numbers in the first column, or name the columns)"),
         ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: must be a tooth number (a whole number) "
@@ -191,23 +191,23 @@ def test_a_flank_is_chosen_among_columns() -> None:
         ("# flank: both\n" + FOUR, "1:10: flank: must be left or right (got both)"),
         ("# mark: top\n" + FOUR, "1:9: mark: must be the number of a tooth (got top)"),
         ("# mark:\n" + FOUR, "1:8: mark: must be the number of a tooth (got nothing)"),
-        ("# mark: 5\n" + FOUR, "1:9: mark: not a tooth of the wheel, whose teeth are 1 to 4 "
-         "(got 5; give the number of the tooth with the mark)"),
-        ("# mark: 2\n# mark: 3\n" + FOUR, "2:9: mark: stated twice with different values "
+        ("# mark: 5\n" + FOUR, "1:9: mark: the mark must be one of the wheel's teeth, 1 to 4 "
+         "(got 5; state the number of the marked tooth)"),
+        ("# mark: 2\n# mark: 3\n" + FOUR, "2:9: mark: two different values are stated "
          "(got 3; line 1 states 2; keep one of the two)"),
-        ("# form: single\ntooth;Fp\n" + FOUR, "2:1: form: stated twice with different values "
+        ("# form: single\ntooth;Fp\n" + FOUR, "2:1: form: two different values are stated "
          "(got Fp; line 1 states single; keep one of the two)"),
         ("tooth;index deviation\n" + FOUR, "1:1: form: state whether they are single or cumulative pitch deviations "
          '(got index deviation; write a comment line above the rows, like "# form: cumulative" or "# form: single")'),
         # units
-        ("# unit: in\n" + FOUR, "1:9: unit: not a metric unit (got in; convert to um or mm; 1 µin is 0.0254 um)"),
-        ("tooth;dev (µin)\n" + FOUR, "1:1: unit: not a metric unit "
+        ("# unit: in\n" + FOUR, "1:9: unit: the unit is not metric (got in; convert to um or mm; 1 µin is 0.0254 um)"),
+        ("tooth;dev (µin)\n" + FOUR, "1:1: unit: the unit is not metric "
          "(got dev (µin); convert to um or mm; 1 µin is 0.0254 um)"),
-        ("tooth;dev [arcsec]\n" + FOUR, "1:1: unit: an angle, not a length "
+        ("tooth;dev [arcsec]\n" + FOUR, "1:1: unit: the unit is a unit of angle, not of length "
          "(got dev [arcsec]; multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um)"),
         ("# unit: furlong\n" + FOUR, "1:9: unit: unknown unit furlong "
          "(got furlong; use one of mm, um, nm, cm, inch, in; a number without a unit is in um)"),
-        ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: stated twice with different values "
+        ("# unit: mm\ntooth;dev [um]\n" + FOUR, "2:1: unit: two different values are stated "
          "(got dev [um]; line 1 states mm; keep one of the two)"),
         ("1;0\n2;0.03\n3;0.075\n4;0\n", "1:1: column 2: 0.075 um over the whole wheel "
          "(got unit um; check whether the unit is mm)"),

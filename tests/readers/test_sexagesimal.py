@@ -90,7 +90,7 @@ def test_a_recording_gives_the_same_error_as_in_degrees(tmp_path, form: str, sep
     [
         ("cam_deg;output", ["12.6"], "1 of 400 rows"),
         ("cam_deg;output_arcsec", [], "the unit arcsec is stated"),
-        ("cam_deg;output", ["12°75'"], "minutes or seconds of 60"),
+        ("cam_deg;output", ["12°75'"], "minutes and seconds must be below 60"),
         ("cam_deg;torque_Nm;error", [], "is read as torque"),
     ],
 )

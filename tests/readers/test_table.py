@@ -136,12 +136,12 @@ def test_a_remark_may_hold_the_names() -> None:
     [
         ("", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
         (" \r\n\n", "w.csv:1:1: the file is empty (check that the measurement was saved)"),
-        ("1;2\nPK\0\n", "w.csv:2:1: a binary file (got a NUL character; save the table as text: CSV in UTF-8)"),
-        ("# form: index\n", "w.csv:1:1: no rows of numbers in the file (write rows of tooth number, deviation)"),
+        ("1;2\nPK\0\n", "w.csv:2:1: the file is binary (got a NUL character; save the table as text: CSV in UTF-8)"),
+        ("# form: index\n", "w.csv:1:1: the file contains no rows of numbers (write rows of tooth number, deviation)"),
         ("# a\nDear sir,\nthanks\n",
-         "w.csv:2:1: no rows of numbers in the file (got Dear sir,; write rows of tooth number, deviation)"),
-        ("#\n1\n2\n", "w.csv:2:1: 1 column, needs 2: tooth number, deviation "
-         "(got 1; separate columns by ; or , or tabs or blanks)"),
+         "w.csv:2:1: the file contains no rows of numbers (got Dear sir,; write rows of tooth number, deviation)"),
+        ("#\n1\n2\n", "w.csv:2:1: the rows have 1 column, but 2 are needed: tooth number, deviation "
+         "(got 1; separate the columns by ; or , or tabs or blanks)"),
         ("1;2\n2;x\n", "w.csv:2:3: column 2: must be a number (got x; put # in front of a comment line)"),
         ("tooth;dev\n1;2\n2;x\n",
          "w.csv:3:3: dev: must be a number (got x; put # in front of a comment line)"),
@@ -178,11 +178,12 @@ def test_a_remark_may_hold_the_names() -> None:
          "(got um; put # in front of it; only one line of names is allowed, above the rows)"),
         ("1;2\nend\n", "w.csv:2:1: a line of text among the rows "
          "(got end; put # in front of it; only one line of names is allowed, above the rows)"),
-        (b"\xef\xbb\xbf1;2\n\xff", "w.csv:1:1: not UTF-8 text, although its first bytes announce it "
+        (b"\xef\xbb\xbf1;2\n\xff", "w.csv:1:1: the text is not valid UTF-8, "
+         "although its first bytes indicate this encoding "
          "(got byte 0xff; save the file as UTF-8)"),
-        (b"\xff\xfe1\0;", "w.csv:1:1: not UTF-16 text, although its first bytes announce it "
+        (b"\xff\xfe1\0;", "w.csv:1:1: the text is not valid UTF-16, although its first bytes indicate this encoding "
          "(got byte 0x3b; save the file as UTF-8)"),
-        (b"\x1f\x8b\x08rubbish", "w.csv:1:1: a gzip file that is damaged or cut off"),
+        (b"\x1f\x8b\x08rubbish", "w.csv:1:1: the gzip file is damaged or incomplete (compress or copy it again)"),
         ("1;2\n" * 400, "w.csv:1:1: the file is larger than 1000 bytes (check that this is the file with the table)"),
     ],
 )  # fmt: skip
@@ -207,8 +208,8 @@ def test_a_decimal_comma_before_three_digits_is_one() -> None:
 
 def test_a_very_long_line_is_refused_and_not_searched() -> None:
     data = b"1;2\n" + b'"1" ' * 5000
-    assert [finding.message for finding in read_numbers(data, NEEDS).findings] == ["a line of 20000 characters"]
-    assert [finding.message for finding in read_numbers(b"1," * 9000).findings] == ["a line of 18000 characters"]
+    assert [finding.message for finding in read_numbers(data, NEEDS).findings] == ["the line has 20000 characters"]
+    assert [finding.message for finding in read_numbers(b"1," * 9000).findings] == ["the line has 18000 characters"]
 
 
 FAR = 1500  # rows
@@ -327,7 +328,7 @@ def test_memory_is_that_of_the_numbers() -> None:
             return self.line * (size // len(self.line) + 1)
 
     (finding,) = read_numbers(Endless(), NEEDS, 10**9).findings
-    assert finding.message == "a line of more than 10000 characters"
+    assert finding.message == "the line has more than 10000 characters"
     assert Endless.given < 10 * PART
     Endless.line, Endless.given = b"123456.5;0.5\n" * 1000, 0
     tracemalloc.start()

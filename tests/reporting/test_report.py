@@ -236,7 +236,7 @@ def test_report_states_any_hole_if_no_hole_is_better():
         (["-o", "report.pdf"], 2, "invalid report name: 'report.pdf'"),
         (["-o", "kept.html"], 2, "kept.html exists"),
         (["-o", "none/report.html"], 4, "there is no directory"),
-        (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "out of range"),
+        (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "must be from 0 to"),
     ],
 )
 def test_faults_end_before_anything_is_computed_or_written(tmp_path, args, code, words):

@@ -276,7 +276,7 @@ def test_numbers_that_are_none_are_never_written(path):
 def test_file_removed_or_cut_during_the_run_ends_it(written):
     whole = written.read_bytes()
 
-    lost = pytest.raises(DataError, match="was removed, replaced or cut")
+    lost = pytest.raises(DataError, match="was removed, replaced or truncated")
 
     def replaced():
         written.rename(written.with_name("old.jsonl"))

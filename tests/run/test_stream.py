@@ -114,5 +114,5 @@ def nothing(first, last):
 
 
 def test_a_work_that_leaves_out_a_record_is_a_bug():
-    with pytest.raises(ValueError, match="0 records of 1 items"):
+    with pytest.raises(ValueError, match="expected 1 records, not 0"):
         list(stream(nothing, 3, jobs=1))

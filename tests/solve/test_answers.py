@@ -92,5 +92,5 @@ def test_a_state_without_an_answer_has_no_residual(system, formulation):
     forces, free, _ = load_case(formulation, 80e3).forces(delta_p)
     forces[1:], free[1:] = np.nan, np.nan
     hopeless = StateSums.of(system, delta_p, 80e3, forces, free)
-    with pytest.raises(UntrustedError, match="mesh position not solved at state 1: no method converges"):
+    with pytest.raises(UntrustedError, match="the mesh position could not be solved at state 1: no method converges"):
         proven_answers(system, 80e3, [hopeless], lambda k: f"state {k}")

@@ -75,7 +75,7 @@ def test_a_size_that_is_assumed_is_a_tolerance_to_choose() -> None:
     ("arguments", "words"),
     [
         ((), "no limit of F'_ior"),
-        (("--limit", "F_ior@4=5", "--torque", "4"), "the self error alone is"),
+        (("--limit", "F_ior@4=5", "--torque", "4"), "which alone exceeds the limit"),
         (("--limit", "30", "--yield", "1"), "--yield"),
         (("--limit", "30", "--sure", "0.2"), "--sure"),
         (("--limit", "30", "-n", "3"), "-n"),

@@ -111,5 +111,5 @@ def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> N
 
 
 def test_direction_missing_in_the_preset_cannot_be_known() -> None:
-    with pytest.raises(UsageError, match="not a direction given in the preset"):
+    with pytest.raises(UsageError, match="expected a direction that the preset states"):
         production_law(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])

@@ -212,7 +212,7 @@ def test_parquet_has_the_drives_that_are_kept(kept: Path, tmp_path: Path) -> Non
         (("--limit", "much"), 2, "--limit"),
         (("--limit", "F_ior@7=30"), 2, "tiny is not computed at 7 N·m, but at 1, 4"),
         (("--torque", "1", "--limit", "F_ior@4=30"), 2, "tiny is not computed at 4 N·m, but at 1"),
-        (("--yield", "0.9"), 2, "no limit of F'_ior at 1 N·m"),
+        (("--yield", "0.9"), 2, "no limit of F'_ior is set at 1 N·m"),
         (("--yield", "1.5", "--limit", "30"), 2, "--yield"),
         (("--known", "phases.xi_q"), 2, "phases.xi_q"),
         (("--set", "tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}"), 2, "no field varies"),
@@ -241,4 +241,4 @@ def test_a_drive_that_was_changed_is_refused(kept: Path, tmp_path: Path, old: st
     file.write_text(re.sub(old, new, kept.read_text(), count=1))
     done = run("tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "1", "--results", str(file))
     assert (done.returncode, done.stdout) == (4, "")
-    assert f"{file}:2: invalid record: expected the checksum" in done.stderr
+    assert f"{file}:2: invalid record: the checksum does not match" in done.stderr

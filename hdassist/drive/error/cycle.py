@@ -74,7 +74,8 @@ class KinematicError:
         Raises UsageError if the states are not the full cycle.
         """
         if len(self.states) < self.kinematics.cycle_states:
-            raise UsageError("F'_ior needs every state of the full mesh cycle")
+            message = "F'_ior can be computed only from all mesh positions of the full mesh cycle"
+            raise UsageError(message, "compute the full mesh cycle, for example with kinematic_error")
         return self.range_arcsec
 
     @property

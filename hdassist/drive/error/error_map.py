@@ -165,7 +165,8 @@ class ErrorMap:
         """
         if not searchable(drive):
             raise UsageError(
-                "this needs bearing.ball_motion: locked; with rolling balls every mesh position has to be solved",
+                "this computation requires bearing.ball_motion: locked; with rolling balls, "
+                "every mesh position would have to be solved",
                 "use --set bearing.ball_motion=locked",
             )
         self.drive = drive

@@ -205,8 +205,8 @@ def _segment_ends(
             raise UsageError(f"invalid {name}: {value:g} N*m", hint)
     if not T_1 < T_2:
         raise UsageError(
-            f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
-            f"give both --t1 and --t2; their defaults are {default_1:.4g} and {default_2:.4g} N*m",
+            f"T_1 ({T_1:g} N*m) must be below T_2 ({T_2:g} N*m)",
+            f"state both --t1 and --t2; their defaults are {default_1:.4g} and {default_2:.4g} N*m",
         )
     torques = [smallest]
     torques += [T for T in (T_1, T_2) if T_max >= T]  # the segment in which the curve ends does not count

@@ -180,7 +180,7 @@ class Gravity:
         """
         numbers = [number_of(part) for part in text.split(",")]
         if len(numbers) > 2 or not np.isfinite(numbers).all() or not 0 < abs(numbers[0]) <= 1e7:
-            hint = "write the amplitude in N·m and the output angle in deg of its maximum, for example 60,90"
+            hint = "write the amplitude in N·m and the output angle in deg at its maximum, for example 60,90"
             raise UsageError(f"invalid --gravity {text}: expected AMPLITUDE[,ANGLE]", hint)
         return cls(*numbers)
 
@@ -259,11 +259,11 @@ def trace(
     kinematics = Kinematics.of(drive)
     if not 1 <= revolutions <= kinematics.cycle_cam_revolutions:
         raise UsageError(
-            f"invalid number of revolutions, {revolutions}: expected 1 to {kinematics.cycle_cam_revolutions}",
-            "use at most the full mesh cycle, after which the error repeats itself",
+            f"invalid number of revolutions {revolutions}: expected 1 to {kinematics.cycle_cam_revolutions}",
+            "use at most the full mesh cycle, after which the error repeats",
         )
     if not np.isfinite(start_deg):
-        raise UsageError(f"invalid start angle {start_deg}: expected a finite number")
+        raise UsageError(f"invalid start angle {start_deg}: expected a finite number", "state the angle in degrees")
     # one state per pitch of the fixed wheel, from the start angle of the moving wheel
     states = pitch_locked_states(
         kinematics, np.arange(revolutions * kinematics.teeth_fixed), float(np.radians(start_deg))

@@ -309,7 +309,7 @@ def _at_teeth(
     """
     # without this check, a file of another wheel would be read modulo its number of teeth
     if np.shape(deviation) != (z,):
-        raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {np.size(deviation)}")
+        raise UsageError(f"expected {z} deviations for a wheel with {z} teeth, not {np.size(deviation)}")
     # nearest tooth; half a pitch is rounded in the same direction in every state, regardless of rounding errors
     shift = np.floor(-turned * z / (2 * np.pi) + 0.5 + 1e-6).astype(np.int64)
     return np.asarray(np.asarray(deviation)[(tooth + shift[:, None]) % z] * 1e-3)
@@ -407,7 +407,8 @@ class MeasuredTeeth:
             if wheel is None:
                 continue
             if len(wheel.pitch.deviation) != z:
-                raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {len(wheel.pitch.deviation)}")
+                count = len(wheel.pitch.deviation)
+                raise UsageError(f"expected {z} deviations for a wheel with {z} teeth, not {count}")
             # angle of the mark, in pitches from tooth 0
             mark_in_teeth = (wheel.mark_deg - _MAJOR) / 360 * z
             whole_teeth = round(mark_in_teeth)

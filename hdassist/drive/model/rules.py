@@ -134,7 +134,7 @@ def _measured_conflicts(values: Mapping[str, Any]) -> Iterator[_Conflict]:
         position, _, torque = key.partition("@")
         if abs(number_of(torque)) > _FARTHEST_MEASURED * largest_torque > 0:
             limit = f"{_FARTHEST_MEASURED:g} times the largest torque of the drive, {largest_torque:g} N*m"
-            message = f"measured at more than {limit}"
+            message = f"the torque of this value exceeds {limit}"
             yield _Conflict(
                 path=f"measured.F_ior.{key}", message=message, got=key, hint="check that the torque is in N*m"
             )
@@ -157,9 +157,9 @@ def _lone_phases(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[s
         if values.get(size_path, phase) is None:
             conflict = _Conflict(
                 path=phase_path,
-                message="a phase without an amplitude",
+                message="the phase has no amplitude",
                 got=f"{phase:g} deg",
-                hint=f"give {size_path} in um too; a phase has no meaning without its amplitude",
+                hint=f"state {size_path} in um, because a phase has no meaning without its amplitude",
             )
             yield conflict, (phase_path, size_path)
 
@@ -188,9 +188,9 @@ def _listed(numbers: set[float]) -> str:
     return ", ".join(f"{number:g}" for number in sorted(numbers))
 
 
-_SOFT = "too soft to support the part"
-_HOLDS = f"use 0 if nothing supports the part, else at least {_LEAST_SUPPORT:g} N/mm"
-_SMALL = "too small for the end of a segment"
+_SOFT = "the support is too soft for the equations to be solved"
+_HOLDS = f"use 0 if nothing supports the part, otherwise at least {_LEAST_SUPPORT:g} N/mm"
+_SMALL = "the torque is too small for the end of a segment"
 FIELD_RULES = (
     FieldRule(
         "gears.z_b",
@@ -209,23 +209,23 @@ FIELD_RULES = (
     ),
     FieldRule(
         path="bearing.ball_motion",
-        message="rolling balls need bearing.d_ball",
+        message="rolling balls require bearing.d_ball",
         fault=lambda ball_motion, d_ball: ball_motion == "rolling" and d_ball is None,
-        hint="give d_ball in mm",
+        hint="state d_ball in mm",
     ),
     FieldRule(
         path="cam.coupling",
-        message="coupling overhung needs cam.shaft_d and cam.overhang",
+        message="the coupling overhung requires cam.shaft_d and cam.overhang",
         fault=lambda coupling, shaft_d, overhang, C_3: (
             coupling == "overhung" and C_3 is None and None in (shaft_d, overhang)
         ),
-        hint="give both in mm, or supports.C_3",
+        hint="state both in mm, or supports.C_3",
     ),
     FieldRule(
         path="supports.C_1",
         message="C_1, C_2 and C_3 are all 0, so nothing supports the drive",
         fault=lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0,
-        hint="set one of the three above 0",
+        hint="set at least one of them above 0",
     ),
     FieldRule(path="supports.C_1", message=_SOFT, fault=lambda C_1: _too_soft(C_1), hint=_HOLDS),
     FieldRule(path="supports.C_2", message=_SOFT, fault=lambda C_2: _too_soft(C_2), hint=_HOLDS),
@@ -233,7 +233,7 @@ FIELD_RULES = (
     FieldRule("operation.M_g", "needs at least one torque", lambda M_g: not M_g),
     FieldRule(
         path="operation.M_g",
-        message="the rotation is undetermined at a torque of 0, within the clearance",
+        message="at a torque of 0, the rotation is undetermined within the clearance",
         fault=lambda M_g: 0 in M_g,
         hint="use a small torque, for example 1 % of the rated torque",
     ),
@@ -265,13 +265,13 @@ FIELD_RULES = (
     ),
     FieldRule(
         path="mounting.allowed",
-        message="a seat with a free angle (holes: 0) has no holes",
+        message="a seat with a free mounting angle (holes: 0) has no holes",
         fault=lambda allowed, holes: allowed and allowed != "all" and not holes,
-        hint="all",
+        hint="write all",
     ),
     FieldRule(
         "mounting.allowed",
-        "not a hole of the seat",
+        "the seat does not have these holes",
         lambda allowed, holes: (
             allowed != "all"
             and holes > 0
@@ -286,7 +286,7 @@ FIELD_RULES = (
     ),
     FieldRule(
         "numerics.n_2",
-        "too few nodes for the bending modes",
+        "there are too few nodes for the bending modes",
         lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; use at least 2 n_max = {2 * n_max}",
     ),
 )
@@ -317,14 +317,14 @@ def position_fault(position: str, holes: int) -> tuple[str, str] | None:
     number = number_of(position.removeprefix("h"))
     if position.startswith("h"):
         if not holes:
-            return "names a hole, but the seat has none", "set their number in mounting.holes"
+            return "the seat has no holes", "state an angle in deg, or set the number of holes in mounting.holes"
         return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")
     turned = number * holes / 360
     if not holes or abs(turned - round(turned)) < 1e-9:
         return None
     return (
         f"{number:g} deg is not a hole of the seat; its holes are {360 / holes:g} deg apart",
-        f"for hole {round(number) % holes} write h{round(number) % holes}",
+        f"write h{round(number) % holes} for hole {round(number) % holes}",
     )
 
 
@@ -351,7 +351,7 @@ def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
     if tip - geometry.W_0 >= rigid_tip:
         yield _Conflict(
             path="cam.W_0",
-            message="the tips interfere: they do not come clear of each other at the minor axis",
+            message="the tips interfere: they do not clear each other at the minor axis",
             got=f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the circular spline {rigid_tip:.4g} mm",
             hint=f"use more than {tip - rigid_tip:.4g} mm with these teeth, or a smaller addendum (h_a)",
         )
@@ -368,7 +368,7 @@ def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
         if room < geometry.W_0:
             yield _Conflict(
                 path="cam.W_0",
-                message=f"beyond the teeth: the {wheel} runs into the root of the {opposite}",
+                message=f"the deflection is too large: the tips of the {wheel} reach the roots of the {opposite}",
                 got=f"tip {tip:.4g} mm, root {root:.4g} mm",
                 hint=f"use at most {room:.4g} mm with these teeth",
             )
@@ -414,9 +414,9 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
         angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield _Conflict(
             path="cam.W_0",
-            message="the teeth interfere: they overlap in the shape that the cam gives",
+            message="the teeth interfere: they overlap when the flexspline is deflected",
             got=f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
-            hint=f"at most {allowed_overlap * 1e3:.3g} um is allowed; check W_0 with m, x_g, x_b and h_a",
+            hint=f"check W_0, m, x_g, x_b and h_a; an overlap of at most {allowed_overlap * 1e3:.3g} um is allowed",
         )
 
 
@@ -427,7 +427,7 @@ def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
     if h_1 > max_h_1:
         yield _Conflict(
             path="flexspline.h_1",
-            message=f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
+            message=f"the rim is too thick for a root radius of {geometry.r_f:.4g} mm",
             got=f"{h_1:g} mm",
             hint=f"use at most {max_h_1:.3g} mm",
         )
@@ -446,7 +446,7 @@ def _bearing_fits(
         if bore > 0:
             yield _Conflict(
                 path="bearing.ring_h",
-                message=f"too thick for a bore with a radius of {bore:.4g} mm",
+                message=f"the ring is too thick for a bore with a radius of {bore:.4g} mm",
                 got=f"{ring_h:g} mm",
                 hint=f"use at most {_MAX_THICKNESS * bore:.3g} mm",
             )
@@ -455,7 +455,7 @@ def _bearing_fits(
         room = 2 * raceway * share / (1 + share)
         hint = f"use at most {room:.3g} mm for {N} balls"
         if d_ball >= raceway:
-            message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
+            message = f"the ball does not fit inside the raceway with a radius of {raceway:.4g} mm"
             yield _Conflict(
                 path="bearing.d_ball",
                 message=message,
@@ -464,7 +464,7 @@ def _bearing_fits(
             )
         elif d_ball > room:
             yield _Conflict(
-                path="bearing.d_ball", message=f"no room for {N} balls in the bearing", got=f"{d_ball:g} mm", hint=hint
+                path="bearing.d_ball", message=f"the bearing has no room for {N} balls", got=f"{d_ball:g} mm", hint=hint
             )
 
 

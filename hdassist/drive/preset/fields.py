@@ -92,7 +92,7 @@ MAX_NAME = 200  # maximum length of a drive's name
 
 def _one_line(text: str) -> str:
     if "\n" in text:
-        raise ValueError("must be one line")
+        raise ValueError("must be a single line")
     return text
 
 
@@ -236,7 +236,7 @@ class PresetField:
             raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
         if self.kind == "line" and ("\n" in value or not 1 <= len(value) <= MAX_NAME):
             message = f"must be one line of 1 to {MAX_NAME} characters"
-            raise InvalidValueError(message, "write a longer text in description" if value else "")
+            raise InvalidValueError(message, "put a longer text in the field description" if value else "")
 
     def _require_optional(self) -> None:
         """Raise InvalidValueError unless the value may be None."""
@@ -245,7 +245,7 @@ class PresetField:
         if self.is_required:
             hint = f"write a number in {self.unit}" if self.unit else ""
         else:
-            hint = f"leave the key out for its default, {self.default}"
+            hint = f"leave out the key to use its default, {self.default}"
         raise InvalidValueError("needs a value", hint)
 
     def _keyed_table(self, value: Any) -> dict[str, Any]:
@@ -293,7 +293,7 @@ class PresetField:
         if not fits and (self.kind, key) != ("limits", "all"):
             raise InvalidValueError(f"must be {expected}", like_key, at_key=True)
         if (meant := (key[:1] == "h", *numbers)) in known:
-            raise InvalidValueError("given twice", at_key=True)
+            raise InvalidValueError("the key is given twice", "keep one of the two entries", at_key=True)
         known.add(meant)
         return self.reading(value) if self.kind == "readings" else self.number(value)
 
@@ -311,36 +311,39 @@ class PresetField:
         number = read_count(value) if is_count else read_number(value, unit, spread=self.kind == "number")
         if not self.holds(number):
             hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
-            raise InvalidValueError(f"out of range: {self.range_words(unit)}", hint)
+            raise InvalidValueError(f"must be {self._requirement(unit)}", hint)
         return number
 
     def reading(self, value: Any) -> _UncertainReading:
         """Return a measured value with its uncertainty. Raises InvalidValueError if one is invalid or out of range."""
         reading = _UncertainReading(*read_spread(str(value), self.unit))
         if not all(map(self.holds, reading)):
-            raise InvalidValueError(f"value or uncertainty out of range: both must be {self.range_words(self.unit)}")
+            raise InvalidValueError(f"the value and its uncertainty must both be {self._requirement(self.unit)}")
         return reading
 
     def draws(self, values: Any) -> tuple[float, ...]:
         """Return equally likely values of the field. Raises InvalidValueError if they are invalid or out of range."""
         if not isinstance(values, list) or len(values) < 2:
             raise InvalidValueError(
-                "must be two or more numbers, beginning with the preset's own value", "for example [8950, 9020]"
+                "must be two or more numbers, beginning with the preset's own value",
+                "write them in brackets, as in [8950, 9020]",
             )
         values_of_draws = tuple(read_number(value, self.unit) for value in values)
         if beyond := [value for value in values_of_draws if not self.holds(value)]:
-            raise InvalidValueError(f"{plain(beyond[0])} is out of range: {self.range_words(self.unit)}")
+            raise InvalidValueError(f"each value must be {self._requirement(self.unit)}, not {plain(beyond[0])}")
         return values_of_draws
 
     def bounds(self, ends: Any) -> tuple[float, float]:
         """Return the ends of a plausible range of the field. Raises InvalidValueError if the range is invalid."""
         if self.kind != "number":
-            raise InvalidValueError("only fields with a single number can have a range")
+            raise InvalidValueError("only a field with a single number can have a range")
         if not isinstance(ends, list) or len(ends) != 2:
-            raise InvalidValueError("must be two numbers, the smaller one first", "for example [0, 20]")
+            raise InvalidValueError(
+                "must be two numbers, the smaller one first", "write them in brackets, as in [0, 20]"
+            )
         low, high = (read_number(end, self.unit) for end in ends)
         if not (self.holds(low) and self.holds(high)):
-            raise InvalidValueError(f"exceeds the range of the field: {self.range_words(self.unit)}")
+            raise InvalidValueError(f"both ends must be {self._requirement(self.unit)}")
         if low >= high:
             raise InvalidValueError("the smaller number must be first")
         return low, high
@@ -348,6 +351,11 @@ class PresetField:
     def holds(self, value: float) -> bool:
         """Return whether a number is within the range of the field."""
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
+
+    def _requirement(self, unit: str) -> str:
+        """Return the requirement of the range, as the end of a sentence that begins with "must be"."""
+        range_text = self.range_words(unit)
+        return f"from {range_text}" if self.gt == -inf and self.le < inf else range_text
 
     def range_words(self, unit: str = "") -> str:
         """Return a description of the range of the field or of its items, with the unit, empty if there is no range."""

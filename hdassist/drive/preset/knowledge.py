@@ -343,7 +343,7 @@ def _require_rising(K: Sequence[float]) -> None:
     if K and not (K[0] > 0 and all(first <= second for first, second in pairwise(K))):
         raise UsageError(
             f"K1, K2, K3 must be above 0 and increase: {', '.join(map(plain, K))} N*m/rad",
-            "check the stiffnesses of the catalogue and their sequence",
+            "check the catalogue's stiffnesses and their sequence",
         )
 
 
@@ -468,8 +468,8 @@ def _require_in_range(entries: Mapping[str, SimilarValue]) -> None:
         field = field_table()[path]
         if isinstance(entry.value, float) and not field.holds(entry.value):
             raise UsageError(
-                f"no valid drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
-                f"choose other teeth or another size; the range is {field.range_words(field.unit)}",
+                f"these values do not give a valid drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
+                f"choose other tooth numbers or another size; the range is {field.range_words(field.unit)}",
             )
 
 
@@ -726,7 +726,7 @@ def _stiffness_requirement(stiffness: str | None) -> Requirements:
     if len(K) not in (1, len(_SEGMENTS)):
         raise UsageError(
             f"invalid --stiffness {shown(stiffness)}: expected one number or three",
-            "write K1,K2,K3, for example 3.1e4,5e4,5.7e4, or a single stiffness, which counts as K3",
+            "write K1,K2,K3, for example 3.1e4,5e4,5.7e4, or a single stiffness, which is taken as K3",
         )
     ref = f"--stiffness {','.join(map(plain, K))}; not fitted; compare with hdassist stiffness"
     if len(K) == 1:
@@ -753,7 +753,7 @@ def _require_steel_cup(flexspline: str | None) -> None:
         return
     if reason := _NOT_MODELLED.get(flexspline):
         raise UsageError(
-            f"--flexspline {flexspline}: the model does not cover this kind of flexspline: {reason}",
+            f"--flexspline {flexspline} is not supported: {reason}",
             "use hdassist only for drives with a steel flexspline of the cup type",
         )
     kinds = ("cup", *_NOT_MODELLED)
@@ -782,7 +782,7 @@ def _seat(
     if allowed is not None:
         numbers = tuple(_hole_number("--allowed-holes", part) for part in allowed.split(","))
         if count == 0:
-            raise UsageError("--allowed-holes needs holes, but --holes 0 is a free angle", "omit one of the two")
+            raise UsageError("--allowed-holes needs holes, but --holes 0 means a free angle", "omit one of the two")
         if len(set(numbers)) < len(numbers) or max(numbers) >= count:
             raise UsageError(
                 f"invalid --allowed-holes {shown(allowed)}: expected different holes from 0 to {count - 1}",
@@ -804,12 +804,14 @@ def _hole_number(option: str, text: str) -> int:
 def _teeth_of_ratio(like: Drive, ratio: float) -> int:
     """Return the number of teeth of the flexspline for the ratio of a drive that is mounted like another one."""
     if not (isfinite(ratio) and ratio > 0):
-        raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
+        raise UsageError(
+            f"invalid --ratio {ratio:g}: expected a number above 0", "state the ratio, for example --ratio 100"
+        )
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
     if not float(z_g).is_integer() or not like.allows("gears.z_g", z_g):
         raise UsageError(
-            f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
-            f"twice the ratio must be a whole number of teeth, {field_table()['gears.z_g'].range_words()}",
+            f"a ratio of {plain(ratio)} requires {z_g:g} flexspline teeth",
+            f"choose a ratio that gives a whole number of teeth from {field_table()['gears.z_g'].range_words()}",
         )
     return int(z_g)
 
@@ -832,7 +834,9 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
     if shaft is not None:
         sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft)
         if sizes is None:
-            raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "for example 14x30")
+            raise UsageError(
+                f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "use, for example, 14x30"
+            )
         for path, text in zip(("cam.shaft_d", "cam.overhang"), sizes.groups(), strict=True):
             values[path] = SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}")
     return values
@@ -841,12 +845,12 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
 def _teeth(text: str) -> int:
     match = re.fullmatch(r"\s*([0-9]{1,6})\s*(?:/\s*([0-9]{1,6})\s*)?", text)
     if match is None:
-        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "for example 160/162")
+        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "use, for example, 160/162")
     z_g = int(match[1])
     if match[2] is not None and int(match[2]) != z_g + 2:
         raise UsageError(
             f"invalid --teeth {z_g}/{int(match[2])}: expected z_b - z_g = 2 (two waves)",
-            f"write the flexspline first: {z_g}/{z_g + 2}",
+            f"state the flexspline first: {z_g}/{z_g + 2}",
         )
     return z_g
 
@@ -873,5 +877,5 @@ def _measure(
 ) -> float:
     value = option_value(option, text, unit)
     if not value > 0:
-        raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")
+        raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0", f"state the value in {unit}")
     return value

@@ -542,7 +542,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     """
     match = _matched(_SPREAD, text)
     if match is None:
-        raise UnitError("must be a number and its uncertainty", "for example 260 ± 10")
+        raise UnitError("must be a number with its uncertainty", "use, for example, 260 ± 10")
     units = [number[2] if (number := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
     common = units[0] or units[1]
     value, spread = (
@@ -552,7 +552,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
         for part, has_unit in zip(match.groups(), units, strict=True)
     )
     if match[2].startswith(("-", "+")):
-        raise UnitError("the uncertainty has a sign", "write it without a sign, for example 260 ± 10")
+        raise UnitError("the uncertainty has a sign", "write the uncertainty without a sign, as in 260 ± 10")
     if not (isfinite(bounded(value)) and isfinite(bounded(spread))):
         is_huge = isfinite(value) and isfinite(spread)
         raise UnitError(f"must be a number up to {GREATEST:g}" if is_huge else "must be a finite number")
@@ -636,7 +636,7 @@ def _no_number(
         hint = "use a point, not a comma, as the decimal separator, and no thousands separator"
         return UnitError("must be a number", hint)
     if sign == "_":
-        return UnitError("must be a number", "write it without underscores")
+        return UnitError("must be a number", "write the number without underscores")
     if text.startswith("\u2212"):
         return UnitError("must be a number", "write an ASCII minus sign")
     return UnitError("must be a number", f"write a number in {unit}" if unit else "")

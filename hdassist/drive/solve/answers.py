@@ -349,10 +349,10 @@ def _require_small_residuals(
     if not worst[k] <= TOLERANCE:
         reason = "no method converges"
         if np.isfinite(worst[k]):
-            reason = f"residual {worst[k]:.1e} of its scale, {TOLERANCE:.0e} allowed"
+            reason = f"the relative residual is {worst[k]:.1e}, at most {TOLERANCE:.0e} is allowed"
         raise UntrustedError(
-            f"mesh position not solved at {place(first + k)}: {reason}",
-            "use another solver (--solver clarabel), or a torque and stiffnesses closer to those of a real drive",
+            f"the mesh position could not be solved at {place(first + k)}: {reason}",
+            "use another solver (--solver clarabel), or set the torque and stiffnesses closer to those of a real drive",
             Fault.UNTRUSTED_STATE,
         )
 
@@ -368,7 +368,7 @@ def _require_linear(
     k = int(np.argmax(np.abs(rotation)))
     if abs(rotation[k]) > quarter_pitch:
         raise UntrustedError(
-            f"wind-up of {abs(rotation[k]) * ARCSEC:.0f}″ exceeds a quarter of a tooth pitch "
+            f"the wind-up of {abs(rotation[k]) * ARCSEC:.0f}″ exceeds a quarter of a tooth pitch "
             f"({quarter_pitch * ARCSEC:.0f}″), the limit of the linear model, at {place(first + k)}",
             "reduce the torque",
             Fault.BEYOND_MODEL,

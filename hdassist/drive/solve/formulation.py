@@ -430,7 +430,7 @@ def _pivots(
     unscaled = gain * responses.by_place[place, place] * weight + self_response
     # compliances are positive, so another sign means that a part can move freely at this contact set
     if not np.all(unscaled > 0):
-        raise ValueError("no pivots to start from")
+        raise ValueError("the contact set leaves a part free to move")
     return _Pivots(
         gain=gain,
         weight=weight,
@@ -462,7 +462,7 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
     # the condition of the block is not known in advance, so the product with the inverse is checked
     residual = right - block @ solution
     if not np.abs(residual[:, :n]).max(initial=0) <= _INVERSE:
-        raise ValueError("the contacts do not constrain the parts")
+        raise ValueError("the contact set does not constrain all parts")
     solution += inverse @ residual  # one step of refinement, without which the rotation loses two digits
     across = solution[:, n:]
     # Schur complement of the remaining block

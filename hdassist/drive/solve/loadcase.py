@@ -80,7 +80,7 @@ def require_compiled_as_stated(formulation: Formulation, run: Run = Run()) -> No
         if differences:
             raise UntrustedError(
                 f"cvxpy compiled the programme to different data: {', '.join(differences)}",
-                "install the versions with which hdassist was tested (hdassist doctor)",
+                "install the required versions; hdassist doctor lists them",
             )
         keep(_COMPILED_TEMPLATE, key, b"")
     _proven.add(supported)
@@ -208,7 +208,8 @@ def require_solver(name: str) -> str:
     Raises UsageError if it is not installed or does not solve quadratic programmes.
     """
     if name.upper() not in (CROSS_SOLVER, SECOND_SOLVER) and name.upper() not in _able():
-        raise UsageError(f"no solver {name!r} for the contact problem", f"choose one of {', '.join(_able()).lower()}")
+        message = f"solver {name!r} is not installed or cannot solve quadratic programmes"
+        raise UsageError(message, f"choose one of {', '.join(_able()).lower()}")
     return name.upper()
 
 
@@ -276,7 +277,8 @@ def solve_through_cvxpy(
         status = str(error).splitlines()[0]
     # a solver may return a status without a solution
     if forces is None or duals is None:
-        raise UntrustedError(f"{name} could not solve a mesh position: {status}", "", Fault.UNTRUSTED_STATE)
+        message = f"solver {name} could not solve a mesh position: {status}"
+        raise UntrustedError(message, "use another solver with --solver NAME", Fault.UNTRUSTED_STATE)
     return formulation.answer(forces, duals)
 
 
@@ -361,10 +363,10 @@ def solve_again(
             used_solvers.append(SECOND_SOLVER)
             difference = _difference(formulation, torque, delta_p[k], rotation_arcsec[k], SECOND_SOLVER)
         if not difference <= CROSS_TOLERANCE:
-            names = " and ".join(dict.fromkeys(used_solvers)).lower()
+            names = ", ".join(dict.fromkeys(used_solvers)).lower()
             raise UntrustedError(
-                f"two solvers disagree at {place(k)}: {difference:.3g}″ between the engine and "
-                f"{names}, {CROSS_TOLERANCE} allowed",
+                f"two solvers disagree at {place(k)}: the solutions of hdassist and {names} differ by "
+                f"{difference:.3g}″, at most {CROSS_TOLERANCE}″ is allowed",
                 "use another solver for the cross-check (--cross-check osqp)",
                 Fault.SOLVERS_DISAGREE,
             )

@@ -243,7 +243,7 @@ class AcceptAnswer(ClosedRecord):
         if bool(self.verdict) == bool(self.error):
             raise ValueError("expected either a verdict or an error")
         if self.verdict and not self.checks:
-            raise ValueError("checks: expected at least one if there is a verdict")
+            raise ValueError("checks: a result with a verdict needs at least one check")
         codes = (self.verdict.exit_code,) if self.verdict else _ERROR_CODES
         if self.exit_code not in codes:
             raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")
@@ -329,18 +329,18 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         if not kept:
             raise DataError(
-                f"{file}: the file contains no results",
-                "only its first line is present; compute the results with hdassist accept LOT.csv --jsonl FILE",
+                f"{file} contains no results",
+                "compute the results with hdassist accept LOT.csv --jsonl FILE; this file has only its first line",
             )
         return kept
     try:
         content = json.loads(data.decode("utf-8", "replace"))
         json.dumps(content, allow_nan=False)
     except (ValueError, RecursionError) as fault:
-        raise DataError(f"{file}: not JSON: {fault}", hint) from None
+        raise DataError(f"{file} is not valid JSON: {fault}", hint) from None
     content = content.get("results", [content]) if isinstance(content, dict) else []
     if not (content and isinstance(content, list)):
-        raise DataError(f"{file}: the file contains no results", hint)
+        raise DataError(f"{file} contains no results", hint)
     return [_read(one, f"{file}:{number}") for number, one in enumerate(content, 1)]
 
 
@@ -354,7 +354,7 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
         return ANSWER.validate_python(fields)
     except ValidationError as error:
         message = f"{place}: a result is incomplete: {why_invalid(error)}"
-        raise DataError(message, "the file was changed, or written by another version") from None
+        raise DataError(message, "use an unchanged file that this version of hdassist has written") from None
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:

@@ -103,7 +103,7 @@ class Limit(ClosedRecord):
         """The check of the limit. Raises DataError if no check has the code."""
         entry = CODES.get(self.code)
         if not isinstance(entry, Check):
-            raise DataError(f"unknown code of a check: {self.code}")
+            raise DataError(f"unknown check code: {self.code}", "use one of the codes that hdassist explain lists")
         return entry
 
     @property

@@ -102,7 +102,7 @@ class Inputs:
         # a recording without a limit was most likely made at another torque
         if without_limit:
             M_g = min(without_limit)
-            message = f"{drive.name}: measured at {M_g:g} N*m, for which there is no limit"
+            message = f"{drive.name} was measured at {M_g:g} N*m, for which no limit is set"
             raise DataError(message, f"add a limit, for example --limit F_ior@{M_g:.15g}=30")
         return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
@@ -226,7 +226,8 @@ class Request(ClosedRecord):
         for limit in stated:
             # a value and a recording for the same limit may contradict each other
             if limit in recorded and recorded[limit].value is not None:
-                raise UsageError(f"both a value and a recording for {limit.label}", "leave out one of the two")
+                message = f"both a value and a recording are given for {limit.label}"
+                raise UsageError(message, "leave out one of the two")
         return Inputs(
             drive=drive,
             measurements=measurements,
@@ -254,8 +255,8 @@ class Request(ClosedRecord):
         """
         # the sheet states the torque for which it was planned
         if error_range.M_g is not None and not isclose(error_range.M_g, M_g, rel_tol=_PRINTED):
-            message = f"{table.file}: planned for {error_range.M_g:.9g} N*m, not for {M_g:.9g} N*m"
-            raise DataError(message, f"--measured {error_range.M_g:.9g}={table.file}")
+            message = f"{table.file}: the test was planned for {error_range.M_g:.9g} N*m, not for {M_g:.9g} N*m"
+            raise DataError(message, f"state this torque: --measured {error_range.M_g:.9g}={table.file}")
         by_name = {quantity.name: quantity for quantity in quantities}
         sources = stated_sources(parse_stated(self.reading.budget))
         values = {}
@@ -268,7 +269,7 @@ class Request(ClosedRecord):
                 values[limit] = _accepted_quantity(quantity, is_cut=error_range.is_cut)
         if not values:
             raise DataError(
-                f"{drive.name}: positions at {M_g:g} N*m, for which there is no limit",
+                f"{drive.name}: the positions were approached at {M_g:g} N*m, for which no limit is set",
                 f"add a limit, for example --limit F_ior@{M_g:.15g}=30",
             )
         return values
@@ -382,7 +383,7 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
         stated = LimitText.parse(text, "--value")
         limit = stated.limit_of(limits_of(drive))
         if limit in values:
-            raise UsageError(f"--value {stated}: given twice", "give each value once")
+            raise UsageError(f"--value {stated} is given twice", "give each value once")
         values[limit] = AcceptedValue.stated(stated, limit)
     return values
 
@@ -516,7 +517,8 @@ def _columns(table: CellTable) -> list[_Column | None]:
             column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
             # two columns set the same field
             if column and column in columns:
-                raise InvalidValueError(f"column {columns.index(column) + 1} has the same name")
+                message = f"column {columns.index(column) + 1} has the same name"
+                raise InvalidValueError(message, "rename or remove one of the two columns")
         except InvalidValueError as fault:
             column = None
             findings.append(
@@ -549,7 +551,7 @@ def _column(name: str) -> _Column:
     if match := _MEASURED.fullmatch(name):
         torque = match[1]
         if torque and not is_number(torque):
-            raise InvalidValueError("not a column of a lot", "use a column of a lot, for example measured@80")
+            raise InvalidValueError("no column of a lot file has this name", "write the torque in N*m: measured@80")
         return "measured", f"{float(torque):g}=" if torque else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
@@ -567,7 +569,7 @@ def _column(name: str) -> _Column:
         or near_miss(name, possible_names)
         or "name the column F_ior@80, limit F_ior@80 or section.key, or note if it is to be ignored"
     )
-    raise InvalidValueError("not a column of a lot", hint)
+    raise InvalidValueError("no column of a lot file has this name", hint)
 
 
 def _row(
@@ -593,7 +595,7 @@ def _row(
         has_serials=("serial", "") in columns,
     )
     if opened := table.unclosed.get(line):
-        reader.note_fault(opened, "", "quotes are not closed", hint="close the quotes at the end of the cell")
+        reader.note_fault(opened, "", "the quotes are not closed", hint="close the quotes at the end of the cell")
     for index, cell in enumerate(cells):
         if index < len(columns):
             reader.take(cell, table.names[index].text, columns[index])

@@ -77,9 +77,11 @@ def _heidenhain(backlash: _Backlash, axis: str) -> str:
     Raises UsageError for any other name, and for a backlash above the limit of the parameter.
     """
     if not axis.isdecimal() or not 1 <= int(axis) <= _HEIDENHAIN_AXES:
-        raise UsageError(f"invalid --axis {axis} for HEIDENHAIN: expected a number from 1 to {_HEIDENHAIN_AXES}")
+        message = f"invalid --axis {axis} for HEIDENHAIN: expected a number from 1 to {_HEIDENHAIN_AXES}"
+        raise UsageError(message, "state the number of the axis, for example --axis 4")
     if backlash.deg > _HEIDENHAIN_LARGEST_DEG:
-        raise UsageError(f"a backlash of {backlash.deg:.4f} deg is above the limit of MP710, 1 deg")
+        message = f"the backlash of {backlash.deg:.4f} deg exceeds the largest value of MP710, 1 deg"
+        raise UsageError(message, "reduce the backlash of the axis first")
     return f"MP710.{axis} {backlash.deg:+.4f}"
 
 
@@ -146,7 +148,7 @@ def backlash_of(measured: Measurement, torque_Nm: float) -> _Backlash:
         message = (
             f"{measured.trace.file}: the lost motion, {value:.3g} ± {expanded:.3g}″, is not larger than its uncertainty"
         )
-        raise UntrustedError(message, "record longer; if the result is the same, no compensation is needed")
+        raise UntrustedError(message, "record for longer; if the result does not change, no compensation is needed")
     return _Backlash(
         arcsec=value,
         uncertainty_arcsec=uncertainty,

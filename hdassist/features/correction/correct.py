@@ -878,7 +878,7 @@ def _kinematics_alone(
         raise UsageError(
             "the recording does not show whether input and output rotate in the same sense",
             "if the recording contains input angles, use --output-turns: against (circular spline fixed) or with "
-            "(flexspline fixed). Otherwise give a preset",
+            "(flexspline fixed). Otherwise name a preset",
         )
     # with two waves, the wheels differ by two teeth
     moving_teeth = round(2 * found.gearing.ratio)

@@ -335,7 +335,7 @@ def require_sense(
     is_free = not sweep.is_bound
     mirror = mirrored_reading(measurement, drive, M_g, replace(alignment, fitted=(is_free, is_free)))
     if mirror:
-        message = f"{measurement.trace.file}: the mirrored recording fits {drive.name} clearly better"
+        message = f"{measurement.trace.file}: the mirrored recording agrees clearly better with {drive.name}"
         raise UntrustedError(f"{message}, with a residual of {mirror.rms_arcsec:.2f}″ rms", f"use {mirror.options}")
 
 
@@ -356,7 +356,7 @@ def require_fine_counts(measurement: Measurement) -> None:
         rounding = f"a correction would store the rounding error (u = {u:.2g}″; F'_ior is {sweep.range.value:.4g}″)"
         raise UntrustedError(
             f"{trace.file}: {counts}; {rounding}",
-            "sample both encoders at constant time intervals, not angles, or use an encoder with finer counts",
+            "sample both encoders at constant time intervals, not angles, or use an encoder with a finer resolution",
             Fault.ORDERS_UNTOLD,
         )
 
@@ -427,7 +427,7 @@ def drawn_errors(
     # in a single revolution, slow terms cannot be separated
     if turns < _FEWEST_TURNS:
         message = f"{measurement.trace.file}: the longest sweep covers only {turns:.2g} input revolutions"
-        raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for a table over the input")
+        raise UntrustedError(message, f"record at least {_FEWEST_TURNS:g} input revolutions for this table")
     two_directions = drawn_both_directions(measurement, kinematics, asked)
     return two_directions or drawn_as_one(measurement, kinematics, asked)
 
@@ -890,7 +890,7 @@ def agreeing_drives(
     if misfit.excess > _MOST_MISFIT**2 * np.var(read):
         share = 100 * np.sqrt(misfit.excess / np.var(read))
         raise UntrustedError(
-            f"no drive within the ranges of {drive.name} reproduces the recording: {share:.0f} % of the error remain",
+            f"no drive within the ranges of {drive.name} reproduces the recording: {share:.0f} % of the error remains",
             "record the full mesh cycle, or find the cause with hdassist compare",
         )
     return record_fit.values_of(record_fit.agreeing(fit, terms, draws)), misfit.bound

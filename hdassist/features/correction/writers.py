@@ -107,7 +107,8 @@ class ControllerFormat:
             wanted = " or ".join(self.turns)
             raise UsageError(f"invalid --form {turn or 'phasors'} for {self.name}: expected --form {wanted}")
         if self.most_points and points > self.most_points:
-            raise UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
+            message = f"invalid number of points {points} for {self.name}: expected at most {self.most_points}"
+            raise UsageError(message, "reduce --points")
 
 
 def _error_as_read(
@@ -154,7 +155,8 @@ def stored_table(
     """
     controller.require(table.turn, table.points)
     if table.other_direction_arcsec is not None and not controller.by_direction:
-        raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
+        message = f"{controller.name} cannot store a separate table for each direction"
+        raise UsageError(message, "choose another controller, or torques of one sign only")
     if controller.played is None:
         step = controller.step_arcsec
         other_arcsec = table.other_direction_arcsec
@@ -407,7 +409,8 @@ def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
     """Return the output angle per period of the table [deg]."""
     if axis.steps_per_degree <= 0:
         steps = axis.steps_per_degree
-        raise UsageError(f"invalid steps per degree of the mount's axis {steps:g}: expected a positive number")
+        message = f"invalid number of steps per degree {steps:g}: expected a positive number"
+        raise UsageError(message, "state it with --steps-per-degree N")
     return table.period_deg / abs(table.u)
 
 
@@ -422,14 +425,15 @@ def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorr
     if not _PEC_SECONDS[0] <= seconds <= _PEC_SECONDS[1]:
         range_s = f"{_PEC_SECONDS[0]} to {_PEC_SECONDS[1]} s"
         hint = "use a table over half an input revolution, which takes half as long"
-        raise UsageError(f"invalid table of {seconds} sidereal seconds for OnStepX: expected {range_s}", hint)
+        raise UsageError(f"the table takes {seconds} sidereal seconds, but OnStepX stores tables of {range_s}", hint)
     setpoint = np.arange(seconds + 1, dtype=float) / 240
     error = _error_at_setpoint(table, axis, setpoint, from_first=True)
     steps = np.rint((error[0] - error) * (axis.steps_per_degree / 3600))
     steps[[0, 1, -2, -1]] = 0
     largest_step = min(_INT8_MOST, round(axis.steps_per_degree / 240))
     if (changes := np.abs(np.diff(steps)).max()) > largest_step:
-        raise UsageError(f"invalid table of {changes:g} steps in a second for OnStepX: expected at most {largest_step}")
+        message = f"the table changes by {changes:g} steps in one second, but OnStepX allows {largest_step}"
+        raise UsageError(message, "check --steps-per-degree")
     step = 3600 / axis.steps_per_degree
     rows = np.roll(np.diff(steps), -1).astype(int)
     reading = (setpoint + steps / axis.steps_per_degree)[:-1]

@@ -187,12 +187,15 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
     """
     data, name = read_bytes(Path(folder) / ARCHIVE_FILE, _MAX_ARCHIVE_BYTES + 1)
     if len(data) > _MAX_ARCHIVE_BYTES:
-        raise DataError(f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "start another archive")
+        raise DataError(
+            f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "start a new archive in another folder"
+        )
     entries = read_kept(data, name, _ENTRIES) or []
     last = {(entry.sha256, entry.direction): entry for entry in entries if entry.serial == serial}
     if not last:
         serials = ", ".join(sorted({entry.serial for entry in entries})[:10])
-        raise DataError(f"{name} has no measurement of {serial}", f"it contains {serials or 'no drive'}")
+        hint = f"use a serial number that it contains: {serials}" if serials else "store measurements with --archive"
+        raise DataError(f"{name} contains no measurement of {serial}", hint)
     return sorted(last.values(), key=lambda entry: entry.date)
 
 

@@ -34,7 +34,7 @@ from hdassist.run.files import GREATEST, number_of
 _LOOP_SHARE = 0.04  # share of the rated torque, to each side, between which lost motion is measured
 _AROUND = 5  # minimum number of readings for the fit of a parabola
 TINY = 1e-30  # smallest range of torque [N*m], which avoids division by 0
-_LOOP_HINT = "load from -T_0 to T_0 and back, with T_0 the rated torque"
+_LOOP_HINT = "load the output from -T_0 to T_0 and back, where T_0 is the rated torque"
 _SHRINK = 2.0  # multiple of the variance due to scatter that is subtracted from the variance of mean deviations
 # Factor on the spread of a range whose bias was removed: the correction repeats the scatter of the estimate.
 _SPREAD_FACTOR = 1.15
@@ -331,10 +331,10 @@ def _require_columns(form: TraceForm, *, has_angles: bool) -> None:
     """
     if len(form.angle_units) > 1 and not has_angles:
         message = f"--angle-unit {form.angle_unit}: a file of positions with deviations has only one column of angles"
-        raise UsageError(message, "state one unit")
+        raise UsageError(message, "state one unit only")
     if form.error_unit is not None and has_angles:
         message = f"--error-unit {form.error_unit}: the positions have no column of deviations"
-        raise UsageError(message, "state the unit of their angles with --angle-unit")
+        raise UsageError(message, "state the unit of the angles with --angle-unit")
 
 
 def _loop(
@@ -350,7 +350,7 @@ def _loop(
     # one column cannot have two units
     if len(units) > 1:
         message = "a file of torque loops has only one column of angles, but several units are stated"
-        raise UsageError(message, "state one unit")
+        raise UsageError(message, "state one unit only")
     return LoopRecord(
         table=table,
         torque_Nm=table.in_unit(columns["torque"], "torque", "N·m"),
@@ -374,7 +374,7 @@ def _run_sides(table: NumberTable) -> dict[int, int]:
     sides = {column: side for column, name in names.items() if (side := run_side_in(name))}
     without_side = [column for column, name in names.items() if column not in sides and is_numbered_run(name)]
     if sides and without_side:
-        message = f'the name of the column "{names[without_side[0]]}" states no side, but those of other runs do'
+        message = f'the column name "{names[without_side[0]]}" does not state the side of approach, but others do'
         raise table.fault(message, "add fwd or bwd to the name of each run, for example run 1 bwd [arcsec]")
     # if no run states a side, all runs are forward
     return sides or dict.fromkeys(without_side, 1)
@@ -453,7 +453,7 @@ def _require_deviations(table: NumberTable, deviation_arcsec: Array) -> None:
     """
     if (extent := float(np.ptp(deviation_arcsec))) > LARGEST_ERROR:
         hint = "write output angles in deg in this column, and deviations in a column deviation_arcsec"
-        raise DataError(f"{table.file}: readings differ from their targets by up to {extent:.3g}″", hint)
+        raise DataError(f"{table.file}: the readings differ from their targets by up to {extent:.3g}″", hint)
 
 
 @dataclass(frozen=True, eq=False)
@@ -765,7 +765,7 @@ class _LoopBranches:
                 complete.append(rows)
         if not complete:
             span = f"from {torques[0]:.3g} to {torques[2]:.3g} N*m"
-            raise DataError(f"{self.label}: no {way} branch {span}", _LOOP_HINT)
+            raise DataError(f"{self.label}: no complete {way} branch {span} was recorded", _LOOP_HINT)
         # all complete branches in one direction are fitted together
         torque = np.concatenate([self.torque_Nm[rows] for rows in complete])
         twist = np.concatenate([self.twist_arcsec[rows] for rows in complete])

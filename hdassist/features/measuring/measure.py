@@ -895,7 +895,7 @@ def _require_clear(
     if is_drifting:
         hint = "use --drift linear, because the recording drifts"
     if BY_ORDER in trace.notes:
-        hint = f"{BY_ORDER} in arcsec; if the second column is an encoder at the output, use --second 2"
+        hint = f"use --second 2 if the second column is an encoder at the output ({BY_ORDER} in arcsec)"
     message = f"F'_ior of {max(F_ior.value, 0.0):.3g}″ does not exceed its noise (u = {uncertainty:.3g}″)"
     raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
 
@@ -1004,7 +1004,7 @@ class LoggedJoint:
         name, _, columns = text.partition("=")
         parts = columns.rsplit(",", 2)
         if not name or len(parts) != 3 or not all(parts) or not isfinite(number_of(parts[-1])):
-            hint = "give the columns of the input and output encoders, and the ratio: J1=cam1,out1,100"
+            hint = "state the columns of the input and output encoders, and the ratio: J1=cam1,out1,100"
             raise UsageError(f"invalid --joint {text}: expected NAME=ANGLE,SECOND,RATIO", hint)
         gearing_of(None, number_of(parts[-1]))
         return cls(name, parts[0], parts[1], number_of(parts[-1]))
@@ -1071,7 +1071,7 @@ class Reading(ClosedRecord, TraceForm):
         # approached positions and torque loops are identified by their column names
         if record:
             if self.has_pace or how.get("shafts"):
-                kind = "positions or torque loops, which have no components of shafts and no times"
+                kind = "positions or torque loops, which have neither times nor components of shafts"
                 raise UsageError(f"{table.file} contains {kind}", "leave out --speed, --period and --shafts")
             return record
         return measure(

@@ -175,7 +175,7 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     # with two waves the wheels differ by two teeth, so twice the ratio is a whole number of teeth
     doubled = round(2 * ratio) if ratio <= _GREATEST_RATIO else 0
     if not _LEAST_RATIO <= ratio <= _GREATEST_RATIO or abs(2 * ratio - doubled) > _RATIO_ROUNDING:
-        hint = "give half the number of teeth of the moving wheel, for example 100 or 99.5"
+        hint = "state half the number of teeth of the moving wheel, for example 100 or 99.5"
         span = f"from {_LEAST_RATIO:g} to {_GREATEST_RATIO:g}"
         raise UsageError(f"invalid --ratio {ratio:g}: expected a multiple of 0.5 {span}", hint)
     # a wheel with an odd number of teeth returns to its initial mesh only after two output revolutions
@@ -215,13 +215,14 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:-\s*([0-9]+)\s*)?", part)
         if match is None:
             raise UsageError(
-                f"invalid --orders {text}: expected a range or a list of whole numbers",
-                "write for example 1-12 or 1,2,4",
+                f"invalid --orders {text}: expected a list of orders, or a range of whole orders",
+                "use, for example, 1-12 or 1,2,4",
             )
         first = float(match[1])
         last = float(match[2] or match[1])
         if not 0 < first <= last <= _HIGHEST_ORDER or (match[2] and not first.is_integer()):
-            raise UsageError(f"invalid --orders {text}: expected increasing orders above 0, up to {_HIGHEST_ORDER:g}")
+            message = f"invalid --orders {text}: expected increasing orders above 0, up to {_HIGHEST_ORDER:g}"
+            raise UsageError(message, "use, for example, 1-12 or 1,2,4")
         orders.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
     return tuple(sorted(orders))
 

@@ -294,7 +294,7 @@ def _place_between(fit: TraceFit, order: float) -> float:
     is_free = distance(places, orders) > _CLOSEST_ORDERS * resolution
     places = np.unique(places[is_near & is_free])
     if not len(places):
-        raise UntrustedError("no room for a line", "")
+        raise UntrustedError("no free order for another component", "")
     reductions = []
     for place in places:
         column, coefficients = fit.beside(order_columns(bins.turns, place[None]))
@@ -509,13 +509,13 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> _TraceChange | None:
     message = f"lines {lines} deviate from the other readings by up to {size[spikes].max():.3g}″"
     if len(spikes) > _MAX_SPIKE_SHARE * len(trace.rows):
         hint = "check the cables and counters of the encoders"
-        raise UntrustedError(f"{trace.file}: {message}, too many rows to be omitted", hint, Fault.ORDERS_UNTOLD)
+        raise UntrustedError(f"{trace.file}: {message}; these are too many rows to omit", hint, Fault.ORDERS_UNTOLD)
     # at the end of a sweep backlash can explain a departure; within a sweep nothing can
     is_within = _rows_to_end(departures)[spikes] >= _LONGEST_SPIKE
     if not trace.robust and is_within.any():  # the cause is not backlash or a lag at a reversal
         hint = "check the cables and counters of the encoders, or omit these rows with --robust"
         raise UntrustedError(
-            f"{trace.file}: {message}, which no movement of a shaft explains", hint, Fault.ORDERS_UNTOLD
+            f"{trace.file}: {message}; no movement of a shaft explains this", hint, Fault.ORDERS_UNTOLD
         )
     span = np.ptp(fit.curve(fit.bins.turns))
     return _TraceChange(

@@ -29,7 +29,7 @@ _UNEVEN_REVOLUTION = 0.1  # largest departure of a shaft's angle from constant s
 _SAME_LINE = 1e-6  # relative rounding error of an order
 _LARGEST = 1e6  # largest number of shaft revolutions per input or output revolution, and largest period in seconds
 _SHAFT_HINT = (
-    "give a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
+    "state a period, or revolutions per revolution of the input or output: belt=288s, motor=12/input, pulley=5/output"
 )
 
 
@@ -224,7 +224,7 @@ def _order_of(
             )
         return shaft.per_rev / gearing.ratio
     if speed is None:
-        message = f"{trace.file}: --shafts {shaft.name}={shaft.text} is a time, and the recording has no times"
+        message = f"{trace.file}: --shafts {shaft.name}={shaft.text} states a time, but the recording contains no times"
         raise DataError(message, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
     return 1 / (float(shaft.period_s or 0.0) * speed)
 
@@ -242,7 +242,7 @@ def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
         name = place.shaft.name
         if place.shaft.period_s and departure * place.order > _UNEVEN_REVOLUTION:
             message = (
-                f"{trace.file}: the input speed varies, so that the angle of {name} is uncertain by "
+                f"{trace.file}: the input speed varies, so the angle of {name} is uncertain by "
                 f"{departure * place.order:.2g} revolutions"
             )
             raise DataError(message, f"state its revolutions per input revolution: --shafts {name}=N/input")

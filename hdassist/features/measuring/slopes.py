@@ -371,7 +371,7 @@ def at_torque(
     is_kept = coverage.is_at if is_recorded else coverage.is_around
     if not is_kept.any():
         ranges = ", ".join(dict.fromkeys(_torque_text(load) for load in loads))
-        message = f"{trace.file}: its column of torque contains {ranges} N·m, not {M_g:g}"
+        message = f"{trace.file}: the torque column contains {ranges} N·m, not {M_g:g} N·m"
         hint = (
             f"select a recorded torque, or record at {M_g:g} N·m; rename the column if it does not "
             "contain the load torque"
@@ -460,8 +460,8 @@ def _has_torque(
 def require_recorded(trace: MeasuredTrace, M_g: float | None) -> None:
     """Raise DataError if a requested torque M_g [N*m] lies between the recorded ones."""
     if trace.is_between_torques and M_g is not None:
-        message = f"{trace.file}: no recording at {M_g:g} N·m, only below and above it"
-        hint = f"record a sweep at {M_g:g} N·m; between torques the error may not be linear"
+        message = f"{trace.file}: the recorded torques lie below and above {M_g:g} N·m, but not near this torque"
+        hint = f"record a sweep at {M_g:g} N·m, because the error may not be linear between torques"
         raise DataError(message, hint, Fault.FILE_INVALID)
 
 

@@ -332,7 +332,7 @@ class TraceDesign:
         values += self.slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > _WORST_CONDITION:
-            hint = "record at least one input revolution at even steps, or declare fewer orders: --orders 1,2,4"
+            hint = "record at least one input revolution in even steps, or declare fewer orders: --orders 1,2,4"
             raise UntrustedError("the recorded angles do not resolve the declared orders", hint, Fault.ORDERS_UNTOLD)
         # the symmetric root does not depend on rounding, unlike the eigenvectors of nearly equal eigenvalues
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)

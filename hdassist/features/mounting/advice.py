@@ -874,7 +874,8 @@ def _all_trials(
     preset_trials = _of_preset(drive, setup, (*trials, outcome))
     ordered = in_order([*preset_trials, *trials], setup)
     if not ordered:
-        raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
+        message = f"no measured value at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior in the preset"
+        raise UsageError(message, TRIAL_HINT)
     return (*ordered, outcome) if outcome else ordered
 
 

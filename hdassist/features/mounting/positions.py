@@ -273,7 +273,7 @@ def begun_curve(
     Raises UsageError if the present position is not the first, UntrustedError if a result cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
-        raise UsageError("the first rotation must be 0, the present position")
+        raise UsageError("the first rotation must be 0, which is the present position", "start the list with 0")
     drives = [rotated(drive, rotation) for rotation in rotations_deg]
     wheels = [
         measured and measured.rotated(turned, rotation) for turned, rotation in zip(drives, rotations_deg, strict=True)

@@ -141,7 +141,7 @@ def _read_trial_position(
     if hole is not None and allowed != "all" and hole % holes not in allowed:
         raise UsageError(
             f"invalid --verify {shown(text)}: hole {hole % holes} is not in mounting.allowed",
-            "give the value as HOLE=F_IOR without --verify: it is used, but the hole is never recommended",
+            "state the value as HOLE=F_IOR without --verify; it is used, but the hole is never recommended",
         )
     return (360 * (hole % holes) / holes if hole is not None else rotation % 360), M_g
 
@@ -183,8 +183,8 @@ def read_trial_or_record(
         turns = covered.cam_turns
         cycle = covered.cam_turns / covered.share
         raise UntrustedError(
-            f"{file}: {turns:.3g} of the {cycle:g} input revolutions of the full mesh cycle, "
-            "so F'_ior is a lower bound and cannot be a trial",
+            f"{file} covers {turns:.3g} of the {cycle:g} input revolutions of the full mesh cycle, "
+            "so its F'_ior is a lower bound and cannot be used as a trial",
             "record the full mesh cycle in one sweep",
         )
     noise_arcsec = max(greatest.uncertainty_arcsec, _LEAST_NOISE)
@@ -837,7 +837,7 @@ def hole_samples(
     too few draws are valid drives that agree with the reference data.
     """
     if not searchable(drive):
-        raise UsageError("trials need bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
+        raise UsageError("measured values require bearing.ball_motion: locked", "use --set bearing.ball_motion=locked")
     prior = open_prior(drive)
     stated_prior = prior_of(drive)
     believed = stated_prior if len(stated_prior.fields) < len(prior.fields) else None
@@ -925,7 +925,7 @@ def _solved_tables(
             run.solved(errors.certificate.states)
     if not tables:
         raise UntrustedError(
-            "no sampled drive has a result at the torque of the trials", "find the reason with hdassist check"
+            "no sampled drive has a result at the torque of the measured values", "find the reason with hdassist check"
         )
     return weights, tables
 
@@ -1007,7 +1007,7 @@ def open_prior(drive: Drive) -> DrivePrior:
     priors = {field.path: field for field in belief.fields}
     if size not in priors and not drive.number(size) > 0:
         raise UsageError(
-            f"trials need a value of {size}, the size of the wave generator eccentricity",
+            f"measured values require {size}, the size of the wave generator eccentricity",
             f"state the size, for example --set {size}=80; sizes up to {_WIDEST_SIZE:g} times 80 um are then sampled",
         )
     pairs = [(size, direction)]

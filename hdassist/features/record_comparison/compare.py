@@ -472,7 +472,7 @@ def torque_of(drive: Drive) -> float:
     if len(drive.operation.M_g) > 1:
         several = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
         raise UsageError(
-            f"{drive.name} has several torques: {several}", "give the torque of the recording with --torque"
+            f"{drive.name} has several torques: {several}", "state the torque of the recording with --torque"
         )
     return drive.operation.M_g[0]
 

@@ -190,8 +190,8 @@ def _require_directions(drive: Drive, known: Sequence[str]) -> None:
     invalid = {*known} - directions
     if invalid:
         raise UsageError(
-            f"invalid --known {min(invalid)}: not a direction given in the preset",
-            "name a direction of the preset, for example phases.phi_hb",
+            f"invalid --known {min(invalid)}: expected a direction that the preset states",
+            "name a direction field, for example phases.phi_hb, or state its value in the preset",
         )
 
 
@@ -293,7 +293,9 @@ class Production:
 
     def __post_init__(self) -> None:
         if not searchable(self.law.drive):
-            raise UsageError("the cycle cannot be searched with rolling balls", "set bearing.ball_motion=locked")
+            raise UsageError(
+                "random drives require bearing.ball_motion: locked", "use --set bearing.ball_motion=locked"
+            )
 
     @property
     def rotations(self) -> tuple[float, ...]:
@@ -336,9 +338,9 @@ class Production:
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
-            message = f"{len(samples.weights)} of {samples.draws} sampled designs agree with the reference data"
+            message = f"only {len(samples.weights)} of {samples.draws} sampled designs agree with the reference data"
             raise UntrustedError(
-                f"{message}, {count} are required", "narrow the assumed ranges, or reduce the number of drives"
+                f"{message}; {count} are required", "narrow the assumed ranges, or reduce the number of drives"
             )
         # the own fields of a sample are not used for the drives of its design
         paths = [field.path for field in self.law.shared]
@@ -407,7 +409,7 @@ class Production:
         # sampled values may be incompatible with each other
         conflict = first_conflict(drive)
         if conflict:
-            raise UntrustedError(f"no valid drive: {conflict.path}: {conflict.message}")
+            raise UntrustedError(f"the sampled values do not give a valid drive: {conflict.path}: {conflict.message}")
         # one search covers all positions
         batch = self._in_positions(drive, values)
         extremes_by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]

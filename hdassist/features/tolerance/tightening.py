@@ -546,7 +546,8 @@ class Allocator:
         is_solved = np.array([record.refused is None and record.tighter is not None for record in records])
         solved_records = [record for record, solved in zip(records, is_solved, strict=True) if solved]
         if not solved_records:
-            raise UntrustedError(f"none of {len(records)} drives has a result: {records[0].refused}")
+            message = f"none of {len(records)} drives has a result: {records[0].refused}"
+            raise UntrustedError(message, "reduce the tolerances and ranges")
         F_ior = np.array([record.best_F_ior_arcsec for record in solved_records])
         slopes = self._slopes(solved_records, F_ior)
         design_of_record = np.array([record.design for record in records])

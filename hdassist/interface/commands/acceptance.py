@@ -84,7 +84,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             used = (self.travel or drive.acceptance.travel) / 360
             return ReadingPlan.positions(self.positions, min(used, 1) if self.turns == 1 else self.turns, self.both)
         if self.both or self.turns != 1:
-            raise UsageError("--turns and --both need a test to evaluate", "state the test, for example --positions 12")
+            raise UsageError("--turns and --both require --positions", "state the test, for example --positions 12")
         return None
 
     def report(self, out: Output, preset: str) -> Report:
@@ -125,8 +125,10 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError(f"invalid name of a test sheet: {self.sheet!r}", "use a name that ends in .html or .txt")
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
         if readings > _MOST_READINGS and not self.approach is self.sheet is None:
-            message = f"{self.positions} positions, {self.repeats} times: {readings} readings are too many for a test"
-            raise UsageError(message, f"reduce --positions or --repeats to at most {_MOST_READINGS} readings")
+            message = f"a test at {self.positions} positions, {self.repeats} times each, needs {readings} readings"
+            raise UsageError(
+                message, f"reduce --positions or --repeats; at most {_MOST_READINGS} readings are possible"
+            )
 
     def _write_files(self, choice: PlanChoice) -> None:
         """Write the requested files: the positions, and the test sheet."""
@@ -176,7 +178,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         be written.
         """
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
-            raise UsageError("the results of a lot need a file", "name a file: --jsonl FILE")
+            raise UsageError("the results of a lot must be written to a file", "name the file with --jsonl FILE")
         if self.jsonl is not None:
             self._take_results(self.jsonl)
         return super().open()
@@ -252,7 +254,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             )
         if self.preset == "-":
             raise UsageError(
-                "a row of a lot cannot read from standard input", "name the preset file with --preset FILE"
+                "the preset of a lot cannot be read from standard input", "name the preset file with --preset FILE"
             )
         if self.replay is not None:
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
@@ -264,10 +266,10 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     def _require_drives(self, lots: Sequence[str]) -> None:
         """Raise UsageError unless drives, a single lot or a replay are given; lots: lots among the arguments."""
         if not self.presets and self.replay is None:
-            raise UsageError("no drive to accept", "name a preset or a lot.csv; see hdassist accept -h")
+            raise UsageError("no drive is named", "name a preset or a lot.csv; see hdassist accept -h")
         if len(self.presets) > 1 and lots:
             raise UsageError(
-                f"{lots[0]} is a lot and cannot be combined with other drives or lots", "name the lot only"
+                f"{lots[0]} is a lot and cannot be combined with other drives or lots", "name only the lot"
             )
 
     def _require_inputs_of_drives(self, lots: Sequence[str], base: Request) -> None:
@@ -278,7 +280,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         """
         of_one = self.measured or self.value or self.serial or base.wheels.files or base.wheels.marks
         if (len(self.presets) > 1 or lots) and of_one:
-            raise UsageError("measured values belong to one drive", "name one PRESET, or use the columns of a LOT.csv")
+            message = "options for measured values apply to a single drive"
+            raise UsageError(message, "name one PRESET, or use the columns of a LOT.csv")
         if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):
             raise UsageError("--preset, --jsonl and --resume apply to lots only", "use hdassist accept LOT.csv")
 
@@ -533,7 +536,7 @@ def _known(
             raise UsageError(
                 f"{options.jsonl}: none of its results belongs to a drive of this lot", "use --force to overwrite it"
             )
-        warn(f"{options.jsonl}: files, options or version have changed; all rows are computed again")
+        warn(f"{options.jsonl}: the files, the options or the version have changed; all rows are computed again")
     if kept.done:
         say(f"{options.jsonl}: {sum(map(bool, stored))} of {len(lot.rows)} rows are already computed")
     return stored

@@ -308,7 +308,8 @@ class CardFile:
             names = ", ".join(CARD_SUFFIXES)
             raise UsageError(f"invalid name of a card: {self.path!r}", f"use a name that ends in {names}")
         if len(self.serial) > _SERIAL or (self.serial and not self.serial.isprintable()):
-            raise UsageError(f"invalid serial number: expected up to {_SERIAL} printable characters")
+            message = f"invalid serial number: expected up to {_SERIAL} printable characters"
+            raise UsageError(message, "state the serial number of the drive, for example --serial 17-041")
 
     @property
     def _suffix(self) -> str:
@@ -349,7 +350,7 @@ class ArchiveOptions(o.OptionGroup):
         stated_options = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
         if stated_options not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
             message = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
-            raise UsageError(message, "see hdassist measure -h")
+            raise UsageError(message, "see the examples of hdassist measure -h")
         conditions = read_conditions(self.serial, self.conditions)
 
         def take(measurement: Measurement) -> None:
@@ -572,7 +573,8 @@ class ControllerOptions(o.OptionGroup):
             return None
         name, _, path = self.write.partition("=")
         if reason := NO_COMPENSATION.get(name):
-            raise UsageError(f"--write {name}: {reason}", "hdassist compensate -h lists other controllers")
+            hint = "choose another controller; hdassist compensate -h lists them"
+            raise UsageError(f"--write {name}: {reason}", hint)
         if name in BACKLASH_FORMATS:
             backlash = BACKLASH_FORMATS[name]
             message = f"--write {name}: no table is written for {backlash.name}, because {backlash.why_no_table}"
@@ -584,13 +586,16 @@ class ControllerOptions(o.OptionGroup):
         if name not in CONTROLLER_FORMATS or path in ("", "-"):
             format_names = ", ".join((*CONTROLLER_FORMATS, *BACKLASH_FORMATS))
             raise UsageError(
-                f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {format_names}"
+                f"invalid --write {self.write!r}: expected CONTROLLER=FILE",
+                f"use one of these controllers: {format_names}",
             )
         if not (self.axis.isascii() and self.axis.isalnum()):
-            raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
+            message = f"invalid --axis {self.axis!r}: expected letters and digits"
+            raise UsageError(message, "state the axis, for example --axis A")
         for number in (self.zero, self.rows_from, self.steps_per_degree):
             if not isfinite(number):
-                raise UsageError(f"invalid number {number:g} of an axis: expected a finite number")
+                options = "--zero, --rows-from or --steps-per-degree"
+                raise UsageError(f"invalid {options} {number:g}: expected a finite number", "correct this number")
         controller = CONTROLLER_FORMATS[name]
         controller.require(form.turn, form.points)
         take_output(path, force)

@@ -61,7 +61,8 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     def _require_writable(self, preset: str) -> None:
         """Raise UsageError if --write is given for a preset that is not a file, or that --set changes."""
         if self.write is not None and (preset == "-" or self.overrides):
-            raise UsageError("--write needs a preset file, without --set and not from standard input")
+            message = "--write changes a preset file, so it cannot be combined with standard input or --set"
+            raise UsageError(message, "name the preset file, and leave out --set")
 
     def report(self, out: Output, preset: str) -> Report:
         """Return the report of a calibration, and write the preset with the fitted values if requested."""

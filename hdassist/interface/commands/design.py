@@ -643,7 +643,7 @@ def _require_limits(drive: Drive) -> list[float]:
         # a torque without a limit must not be skipped silently, because all torques count
         if limit is None:
             hint = f"use --limit 30 or --limit F_ior@{M_g:g}=30, or select the torques with a limit by --torque"
-            raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
+            raise UsageError(f"no limit of F'_ior is set at {M_g:g} N*m", hint)
         limits.append(limit)
     return limits
 
@@ -855,9 +855,9 @@ def _rooms_beside_self_error(
     room = [limit - self_error_arcsec for limit, self_error_arcsec in zip(limits, self_errors, strict=True)]
     if min(room) <= 0:
         worst = room.index(min(room))
-        message = f"the self error alone is {self_errors[worst]:.1f}″ at {torques[worst]:g} N*m"
-        hint = "no tolerance changes the self error: raise the limit, or change cam.W_0 or gears.j_n"
-        raise UsageError(f"{message}, which exceeds the limit {limits[worst]:g}″", hint)
+        message = f"the self error at {torques[worst]:g} N*m is {self_errors[worst]:.1f}″"
+        hint = "raise the limit, or change cam.W_0 or gears.j_n; no tolerance reduces the self error"
+        raise UsageError(f"{message}, which alone exceeds the limit of {limits[worst]:g}″", hint)
     return room
 
 
@@ -902,7 +902,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         )
         if not law.tolerances:
             raise UsageError(
-                "no tolerance to choose: the preset contains no tolerance above 0", "set tolerances.e_hb above 0"
+                "no tolerance can be chosen: all tolerances of the preset are 0", "set tolerances.e_hb above 0"
             )
         production, samples = self.with_designs(out, production, self.count)
         turned = (False, True) if self.mounting else (False,)

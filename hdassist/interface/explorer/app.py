@@ -234,7 +234,7 @@ class _Exporting(Asking):
         def take(path: str) -> None:
             # text on standard output would overwrite the screen
             if path == "-":
-                raise UsageError("the screen uses standard output", "name a file")
+                raise UsageError("the explorer's screen uses standard output", "name a file")
             require_writable(path, force=True)
             # the text is made before the question because it must belong to the present screen
             keep = partial(put, path, text(path))

@@ -48,7 +48,7 @@ class ExploreCommand(o.LimitedDriveOptions):
         """Run the explorer and return the exit code."""
         if self.preset == "-":
             raise UsageError(
-                "the explorer reads keys from standard input, so it cannot read the preset there",
+                "the explorer reads keys from standard input, so the preset cannot be read from it",
                 "name a preset or a file",
             )
         style = Style.of(sys.stdout, ascii=self.ascii)

@@ -202,6 +202,6 @@ def _answer(question: Question, there: Connection) -> None:
         there.send(("failed", error))
     except Exception as error:  # a bug, which the screen reports because this process has no terminal
         message = f"internal error: {type(error).__name__}: {error}"
-        there.send(("failed", HdassistError(message, "report this bug in hdassist")))
+        there.send(("failed", HdassistError(message, "report this bug")))
     finally:
         there.close()

@@ -138,7 +138,7 @@ class PageOptions(OptionGroup):
         paths_by_form = {**paths, "json": self.answer_file if self.json else None}
         if len(printed := [option_name(name) for name, path in paths_by_form.items() if path == "-"]) > 1:
             message = f"only one of {' and '.join(printed)} can use standard output"
-            raise UsageError(message, f"write one to a file: {printed[0]} FILE")
+            raise UsageError(message, f"write one of them to a file: {printed[0]} FILE")
         for path in (self.answer_file, *paths.values()):
             take_output(path, self.replaces(path))
 
@@ -341,7 +341,7 @@ class PitchOptions(OptionGroup):
         wheels.require_sound()
         if wheels.files and len(presets) > 1:
             raise UsageError(
-                f"the pitch files belong to one drive, and {len(presets)} presets are given",
+                f"the pitch files belong to one drive, but {len(presets)} presets are named",
                 "check one drive at a time",
             )
         stdin_once(*presets, *wheels.files.values())
@@ -465,8 +465,8 @@ def _with_no_load_warning(drive: Drive, no_load_Nm: float) -> Drive:
     from hdassist.drive.loading import with_warning
 
     text = (
-        f"no load (--torque 0): computed at {no_load_Nm:.4g} N*m (2 % of the rated torque), as for the comparison with "
-        "the catalogue accuracy; without any torque, backlash leaves the output undetermined"
+        f"no load (--torque 0) is computed at {no_load_Nm:.4g} N*m, 2 % of the rated torque, as in the comparison with "
+        "the catalogue accuracy. Without any torque, the output is undetermined within the backlash"
     )
     return with_warning(drive, text)
 
@@ -494,7 +494,9 @@ def degrees_or_fit(option: str, text: str) -> float | None:
         return None
     angle = number_of(text)
     if not isfinite(angle):
-        raise UsageError(f"invalid {option} {text}: expected an angle in degrees, or fit")
+        raise UsageError(
+            f"invalid {option} {text}: expected an angle in degrees, or fit", f"use, for example, {option} 30"
+        )
     return angle
 
 
@@ -510,7 +512,7 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 def stdin_once(*names: str | None) -> None:
     """Raise UsageError if more than one of the names is standard input."""
     if names.count("-") > 1:
-        raise UsageError("standard input can be read only once", "save one of the inputs in a file, and name the file")
+        raise UsageError("standard input can be read only once", "save one of the inputs as a file, and name this file")
 
 
 _OF_PAGES = (RowsOptions, CardOptions)  # groups of options for the output, which do not affect the result

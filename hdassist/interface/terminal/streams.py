@@ -377,7 +377,7 @@ def require_writable(path: str, force: bool) -> None:
         if reason := why_not_a_file(path):
             raise _unwritable(path, reason)
         if target.exists() and not _is_device(target) and not force:
-            raise UsageError(f"{path} exists", "use --force to overwrite it", Fault.FILE_EXISTS)
+            raise UsageError(f"{path} already exists", "use --force to overwrite it", Fault.FILE_EXISTS)
         if _real(target).is_symlink():
             raise _unwritable(path, "its symbolic links form a loop")
         folder = _real(target).parent
