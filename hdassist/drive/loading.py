@@ -376,7 +376,7 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
 
 
 def _check_tables(values: dict[str, Any], document: Document) -> None:
-    """Check the number of draws of a fit, uncertainties without a value, and values outside their ranges.
+    """Check the number of draws of a fit, uncertainties without a value, and the ranges of values.
 
     All fields of a fit must have the same number of draws, the first of which is the value. A value from the command
     line is not compared with a range.
@@ -405,9 +405,18 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
             document.add(
                 ("uncertainty", path), "an uncertainty is given without a value", f"give the value of {path} too"
             )
+    _check_ranges(values, document)
+
+
+def _check_ranges(values: dict[str, Any], document: Document) -> None:
+    """Check that ranges contain the values, and that given values have no range, because it would have no effect."""
     for path, source in values.get("drive.source", {}).items():
         bounds = source.range
         value = values.get(path)
+        if bounds and source.kind == "given":
+            hint = "delete the range, or write kind: assumed to sample it"
+            document.add(("source", path, "range"), "a given value has no range", hint)
+            continue
         # a value set by the user need not be within the range in the preset
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue

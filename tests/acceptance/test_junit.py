@@ -73,6 +73,8 @@ def test_each_verdict_reads_right(told):
         assert message.startswith(f"{verdict}: {where}: {value} ± 1.00″, limit ≤ 30")
         assert body.startswith(message)
         assert "hdassist explain F_IOR" in body
+        actions = {"FAIL": "put the fixed wheel in another hole", "INCONCLUSIVE": "measure again with a smaller uncer"}
+        assert f"what to do: {actions[verdict]}" in body
     tag, kind, message, body = read["broken", "no result"]
     assert (tag, kind) == ("error", "FILE_UNREADABLE")
     assert message.startswith("DATA_ERROR: ")

@@ -474,6 +474,16 @@ def test_a_fault_that_many_rows_share_is_named_once(folder, here):
     assert said.rstrip().endswith("note: the same errors occur in 3 further rows")
 
 
+def test_an_empty_limit_is_named_by_its_cell(folder, here):
+    (folder / "lot.csv").write_text("serial;F_ior@1;limit F_ior@1;limit lost_motion\na;28±1;40;\nb;28±1;;\nc;28±1;;\n")
+    code, page, said = here("accept", "lot.csv", "--preset", SMALL, "--measured-only", "--csv", "figures.csv")
+    assert code == 4
+    cell = "limit F_ior@1 (and 1 more): the cell is empty, and small has no acceptance limit"
+    assert f"error: b: lot.csv:3: {cell}" in in_a_line(said)
+    assert f"lot.csv:4: {cell}" in (folder / "figures.csv").read_text()
+    assert "as b" in page
+
+
 def test_preset_error_is_reported_for_every_row_that_uses_it(folder):
     (folder / "lot.csv").write_text("serial;preset;limit F_ior@1\n1;none;9\n2;none;9\n3;folder;9\n")
     (folder / "folder").mkdir()

@@ -43,7 +43,9 @@ def test_it_accepts_the_library(name: str) -> None:
     assert list(VALIDATOR.iter_errors(read_yaml(read_preset(name)[0], name).data)) == []
 
 
-LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1")  # units, keys of limits, empty lists
+_GIVEN_RANGE = "{cam.W_0: {kind: given, range: [0.9, 1]}}"
+# units, keys of limits, empty lists, and a range that would have no effect
+LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1", _GIVEN_RANGE)
 
 
 @pytest.mark.thorough
@@ -98,12 +100,13 @@ LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1"
         ("source", "{cam.W_0: {ref: x}}", {"cam.W_0": {"ref": "x"}}, False),
         (
             "source",
-            "{cam.W_0: {kind: given, range: [0.9, 1]}}",
-            {"cam.W_0": {"kind": "given", "range": [0.9, 1]}},
+            "{cam.W_0: {kind: assumed, range: [0.9, 1]}}",
+            {"cam.W_0": {"kind": "assumed", "range": [0.9, 1]}},
             True,
         ),
-        ("source", "{cam.W_0: {kind: given, range: 1}}", {"cam.W_0": {"kind": "given", "range": 1}}, False),
-        ("source", "{cam.W_0: {kind: given, range: [1]}}", {"cam.W_0": {"kind": "given", "range": [1]}}, False),
+        ("source", _GIVEN_RANGE, {"cam.W_0": {"kind": "given", "range": [0.9, 1]}}, False),
+        ("source", "{cam.W_0: {kind: assumed, range: 1}}", {"cam.W_0": {"kind": "assumed", "range": 1}}, False),
+        ("source", "{cam.W_0: {kind: assumed, range: [1]}}", {"cam.W_0": {"kind": "assumed", "range": [1]}}, False),
         ("phases.xi_b", "260±10 deg", "260±10 deg", True),
         ("flexspline.k_t", "1.4 ± 0.1", "1.4 ± 0.1", True),
         ("phases.xi_b", "260±10 um", "260±10 um", False),

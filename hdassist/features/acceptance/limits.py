@@ -127,16 +127,20 @@ class Limit(ClosedRecord):
         return self.limit - value if self.check.upper else value - self.limit
 
 
+class NoLimitError(DataError):
+    """A drive without an acceptance limit."""
+
+
 def limits_of(drive: Drive) -> tuple[Limit, ...]:
     """Return the limits of a drive: those for each torque and order, and those for the drive itself.
 
     The torques are operation.M_g and those named in the limits.
 
-    Raises DataError if there is no limit.
+    Raises NoLimitError if there is no limit.
     """
     limits = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
     if not limits:
-        raise DataError(
+        raise NoLimitError(
             f"{drive.name} has no acceptance limit",
             f"add acceptance: {{F_ior: {{{drive.operation.M_g[0]:g}: 30}}}} to the preset, or use --limit F_ior=30",
         )

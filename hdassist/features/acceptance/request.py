@@ -34,6 +34,7 @@ from hdassist.features.acceptance.limits import (
     Extent,
     Limit,
     LimitText,
+    NoLimitError,
     limits_of,
     load_limited,
     named_overrides,
@@ -397,18 +398,24 @@ class LotRow:
     fault: error in the row itself, None if there is none. A request with an error must not be executed.
     cells: name in messages (FILE:LINE:COLUMN: heading) and text of each cell that sets an option, by the name that
     messages use for the option's value.
+    empty_limits: name in messages (FILE:LINE: heading) of each empty cell in a column of limits.
     """
 
     request: Request
     place: str | None = None
     fault: HdassistError | None = None
     cells: Mapping[str, tuple[str, str]] = field(default_factory=dict, compare=False)
+    empty_limits: tuple[str, ...] = field(default=(), compare=False)
 
     def message(self, error: HdassistError) -> str:
         """Return the message of an error, with cells of the row named instead of options."""
         # the drive is not part of a lot, or the message already names the row
         if self.place is None or error is self.fault:
             return error.message
+        if isinstance(error, NoLimitError) and self.empty_limits:
+            unnamed = len(self.empty_limits) - 1
+            unnamed_words = f" (and {unnamed} more)" if unnamed else ""
+            return f"{self.empty_limits[0]}{unnamed_words}: the cell is empty, and {error.message}"
         message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])
         message = "\n".join(map(self._in_cell, message.splitlines()))
         return message if self.place in message else f"{self.place}: {message}"
@@ -601,6 +608,11 @@ def _row(
             reader.take(cell, table.names[index].text, columns[index])
         else:
             reader.take(cell, "", None)
+    for index, column in enumerate(columns):
+        # the reader of the table omits empty cells at the end of a line
+        is_empty = index >= len(cells) or not cells[index].text
+        if is_empty and column and column[0] == "limits":
+            reader.empty_limits.append(f"{table.file}:{line}: {shown(table.names[index].text)}")
     reader.require_own_serial(lines)
     return reader.row()
 
@@ -616,6 +628,7 @@ class _RowReader:
     parts: values of the cells, by field of a request or of its wheels.
     cells: name and text of each cell, by the name that messages use for its value.
     faults: errors found in the row.
+    empty_limits: name of each empty cell in a column of limits.
     """
 
     table: CellTable
@@ -625,6 +638,7 @@ class _RowReader:
     parts: dict[str, Any] = field(default_factory=dict)
     cells: dict[str, tuple[str, str]] = field(default_factory=dict)
     faults: list[Finding] = field(default_factory=list)
+    empty_limits: list[str] = field(default_factory=list)
 
     def note_fault(
         self,
@@ -741,6 +755,7 @@ class _RowReader:
             place=f"{self.table.file}:{self.line}",
             fault=PresetError(self.faults) if self.faults else None,
             cells=self.cells,
+            empty_limits=tuple(self.empty_limits),
         )
 
 

@@ -49,6 +49,9 @@ _CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # columns of the CSV f
 )
 FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
 _BASIS_WORDS = {"stated": "reported value"}  # name of a basis on pages, if it differs from the key
+_NARROWER = (  # action for a measured value within the guard band
+    "measure again with a smaller uncertainty: record longer, repeat the measurement, or reduce noise or --budget"
+)
 _NAMED_CHECKS = 2  # largest number of checks or drives named in a text
 
 
@@ -286,6 +289,9 @@ def _facts(
         yield "measure", whole_cycle
     if _is_open(first) or (first.basis == "predicted" and first.verdict != "FAIL"):
         yield "next", _with_measured(first, answer, drive)
+    elif _is_within_guard(first):
+        yield "measure", _NARROWER
+        yield "next", _to_explain(answer.checks)
     elif first.verdict == "INCONCLUSIVE" and first.unstated:
         yield "next", again("accept", drive) + _with_budget(first.unstated)
     else:
@@ -341,6 +347,25 @@ def _unit(check: DecidedCheck) -> str:
 def _is_open(check: DecidedCheck) -> bool:
     """Return whether a check is undecided after a prediction or a recording of only a part of the cycle."""
     return check.verdict == "INCONCLUSIVE" and (check.basis == "predicted" or check.extent == "at least")
+
+
+def _is_within_guard(check: DecidedCheck) -> bool:
+    """Return whether a check is undecided only because a measured value is too close to its limit."""
+    is_whole = check.extent == "whole" and not check.unstated
+    return check.verdict == "INCONCLUSIVE" and check.basis != "predicted" and check.value is not None and is_whole
+
+
+def _action(check: DecidedCheck) -> str:
+    """Return the next action for a check without PASS, as an instruction."""
+    # a prediction, a part of the cycle and a missing value are decided by a measurement
+    if _is_open(check) or check.value is None:
+        return f"measure it ({check.option})"
+    if check.verdict == "FAIL":
+        turn = "put the fixed wheel in another hole (hdassist mount), " if check.check is F_IOR else ""
+        return f"{turn}change the drive as hdassist explain {check.code} states, or reject it"
+    if check.unstated:
+        return f"state the missing uncertainties,{_with_budget(check.unstated)}"
+    return _NARROWER if _is_within_guard(check) else f"hdassist explain {check.code}"
 
 
 def _to_explain(checks: Iterable[DecidedCheck]) -> str:
@@ -736,9 +761,7 @@ class _Suite:
                 lines=(sentence, because),
             )
             return
-        # an open check is decided by a measurement, and for any other check explain gives the next action
-        action = f"measure it ({check.option})" if _is_open(check) else f"hdassist explain {check.code}"
-        lines = (sentence, because, f"what to do: {action}")
+        lines = (sentence, because, f"what to do: {_action(check)}", f"what it means: hdassist explain {check.code}")
         self.add_case(
             check.label,
             "failure",
