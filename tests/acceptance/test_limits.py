@@ -46,7 +46,7 @@ def test_order_limit_at_one_torque_overrides_the_general_limit():
     with pytest.raises(PresetError) as caught:
         load_text(preset, "own.yaml")
     assert [(f.path, f.message) for f in caught.value.findings] == [
-        ("acceptance.order_amplitude.2.0@4.0", "given twice"),
+        ("acceptance.order_amplitude.2.0@4.0", "the key is given twice"),
         ("acceptance.order_amplitude.0@4", "must be an order per input revolution, or ORDER@TORQUE in N*m"),
         ("acceptance.order_amplitude.x@4", "must be an order per input revolution, or ORDER@TORQUE in N*m"),
     ]

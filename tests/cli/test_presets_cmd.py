@@ -144,7 +144,8 @@ def test_validate_counts_assumed_values_until_they_are_declared_given() -> None:
     assert run("validate", "-", stdin=form).stdout == f"-: OK; assumed values: {examples}\n"
     given = form.replace("gears.z_g: {kind: assumed", "gears.z_g: {kind: given")
     assert run("validate", "-", stdin=given).stdout == f"-: OK; assumed values: {examples - 1}\n"
-    assert run("validate", "-", stdin=form.replace("kind: assumed", "kind: given")).stdout == "-: OK\n"
+    all_given = re.sub(r", range: [^]}]*]", "", form.replace("kind: assumed", "kind: given"))
+    assert run("validate", "-", stdin=all_given).stdout == "-: OK\n"
     assert answer("validate", "vzp160")["values"] == {"given": 33, "identified": 10, "assumed": 16}
 
 
@@ -354,10 +355,10 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
         ),
         (["--teeth", "160/163"], "invalid --teeth 160/163: expected z_b - z_g = 2 (two waves)"),
         (["--teeth", "many"], "invalid --teeth 'many': expected two whole numbers"),
-        (["--ratio", "82.3"], "a ratio of 82.3 needs 164.6 teeth"),
-        (["--ratio", "1e29"], "a ratio of 1e29 needs"),
+        (["--ratio", "82.3"], "a ratio of 82.3 requires 164.6 flexspline teeth"),
+        (["--ratio", "1e29"], "a ratio of 1e29 requires"),
         (["--torque", "67 N"], "invalid --torque '67 N': the unit N is ambiguous"),
-        (["--ratio", "1e30", "--pitch-diameter", "60"], "a ratio of 1e30 needs"),
+        (["--ratio", "1e30", "--pitch-diameter", "60"], "a ratio of 1e30 requires"),
         (["--torque", "-1"], "invalid --torque -1: expected a number above 0"),
         (["--pitch-diameter", "63 m"], "invalid --pitch-diameter '63 m': the unit m is ambiguous"),
         (["--pitch-diameter", ""], "invalid --pitch-diameter '': must be a number"),

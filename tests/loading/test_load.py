@@ -200,9 +200,9 @@ def test_optional_fields_may_be_empty() -> None:
             "my.yaml:9:10: source.cam.W_0.kind: missing key (how the value was obtained: given, identified or assumed)",
             "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
         ]),
-        ([("m: 0.8", "m: x")], "source: {cam.W_0: {kind: given, range: [1, 2]}}\n", [
+        ([("m: 0.8", "m: x")], "source: {cam.W_0: {kind: assumed, range: [1, 2]}}\n", [
             "my.yaml:3:32: gears.m: must be a number (got x; write a number in mm)",
-            "my.yaml:9:40: source.cam.W_0.range: the value 0.96 lies outside its range "
+            "my.yaml:9:42: source.cam.W_0.range: the value 0.96 lies outside its range "
             "(got 1 to 2; correct one of them)",
         ]),
         ([("m: 0.8", "m: x")], "uncertainty: {phases.xi_g: 3}\n", [
@@ -218,7 +218,7 @@ def test_optional_fields_may_be_empty() -> None:
          "(got given; its keys: kind, ref, range)"]),
         ([], "source: {cam.W_0: {kind: given, sheet: '6'}}\n",
          ["my.yaml:9:33: source.cam.W_0.sheet: unknown key (known: kind, ref, range)"]),
-        ([], "source: {cam.W_0: {kind: given, range: [1, 1.1 mm]}}\n", ["my.yaml:9:40: source.cam.W_0.range: "
+        ([], "source: {cam.W_0: {kind: assumed, range: [1, 1.1 mm]}}\n", ["my.yaml:9:42: source.cam.W_0.range: "
          "the value 0.96 lies outside its range (got 1 to 1.1; correct one of them)"]),
         ([], "source: {cam.W_0: {kind: given, range: [1, 0.9]}}\n",
          ["my.yaml:9:40: source.cam.W_0.range: the smaller number must be first (got a list)"]),

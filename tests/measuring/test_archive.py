@@ -134,7 +134,7 @@ def test_archive_reads_entries_of_other_versions_and_names_other_schemas(tmp_pat
         path.write_bytes(before)
     with open_kept(str(path), OWNER, ANYTHING) as kept:
         kept.append([{**later, "schema": "hdassist.archive/2"}])
-    with pytest.raises(DataError, match=r"archive\.jsonl:4: invalid record: schema: hdassist\.archive/2; this"):
+    with pytest.raises(DataError, match=r"archive\.jsonl:4: invalid record: schema: the schema is hdassist\.archive/2"):
         read_archive(folder, "17-1")
 
 

@@ -234,7 +234,7 @@ def test_report_states_any_hole_if_no_hole_is_better():
     ("args", "code", "words"),
     [
         (["-o", "report.pdf"], 2, "invalid report name: 'report.pdf'"),
-        (["-o", "kept.html"], 2, "kept.html exists"),
+        (["-o", "kept.html"], 2, "kept.html already exists"),
         (["-o", "none/report.html"], 4, "there is no directory"),
         (["--set", "gears.j_n=-1", "-o", "new.html"], 2, "must be from 0 to"),
     ],
