@@ -595,7 +595,10 @@ def _similar_lines(
     yield (
         "# `source` at the end of the file states how each value was chosen, and its range. Replace the values that you"
     )
-    yield "# know, and write kind: given there, without a range. Unknown values are not zero: results are ranges over these values."
+    yield (
+        "# know, and write kind: given there, without a range. Unknown values are not zero: results are ranges over "
+        "these values."
+    )
     yield "# Assumed design: a steel flexspline (material.*) in the shape of a cup that is supported at its closed end"
     yield "# (flexspline.l, flexspline.h_3, supports.C_2), a flexible ball bearing (bearing.*), and two mesh zones."
     yield f"schema: {PRESET_SCHEMA}"
