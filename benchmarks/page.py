@@ -41,8 +41,8 @@ def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
         SEARCHED,
         _table(
             ("torque", "searches", "median of F'_ior", "mean difference", "rms difference", "largest difference",
-             "differences above 0.2″", "states per search: fine grid, coarse grid, local searches of the coarse grid",
-             "time per search, ms: coarse grid, fine grid"),
+             "differences above 0.2″", "states, coarse grid: verified", "states, coarse grid: in local searches",
+             "states, fine grid", "time, coarse grid, ms", "time, fine grid, ms"),
             map(_draws, measured["draws"]),
         ),
         "## Whole processes\n",
@@ -135,10 +135,11 @@ def _proposals(group: dict[str, Any]) -> tuple[str, ...]:
 
 def _draws(search: dict[str, Any]) -> tuple[str, ...]:
     missed = (f"{search[name]:.3f}″" for name in ("bias", "rms", "worst"))
-    both = (", ".join(f"{each:.{digits}f}" for each in search[name]) for name, digits in (("states", 0), ("ms", 1)))
+    fine, verified, climbed = (f"{count:.0f}" for count in search["states"])
+    times = (f"{time_ms:.1f}" for time_ms in search["ms"])
     return (
         f"{search['M_g']:g} N·m", str(search["searches"]), f"{search['F_ior_arcsec']:.1f}″", *missed,
-        str(search["over"]), *both,
+        str(search["over"]), verified, climbed, fine, *times,
     )  # fmt: skip
 
 

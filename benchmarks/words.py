@@ -210,5 +210,6 @@ The extremes of samples of `vzp160`, each with its wheel in twelve holes, are se
 states with slopes, as in the commands. F'_ior from this search is compared with F'_ior from a search with a fine grid
 of 60 x 60 states without slopes (`python -m benchmarks.draws`). Neither search can give a value above the true F'_ior.
 If the difference is negative, the search with the coarse grid has missed an extreme. If it is positive, the search with
-the fine grid has missed an extreme.
+the fine grid has missed an extreme. The numbers of states and the times are averages per search. The states of the
+local searches, which start from the coarse grid, are solved without verification, in addition to the verified states.
 """

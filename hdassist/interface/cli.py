@@ -178,7 +178,7 @@ _SUMMARIES = {  # summaries of the commands, by their section of the help
         "explore": "change inputs and mounting angle interactively",
         "trace": "compute the error over the input angle, and its orders",
         "stiffness": "compute torsion curve, lost motion, K1, K2 and K3",
-        "tolerance": "predict the yield as assembled and in the best holes",
+        "tolerance": "predict the yield, as assembled and with the best holes",
         "sensitivity": "rank tolerances by the gain from tightening them",
         "allocate": "find the cheapest tolerances that reach a yield",
         "sweep": "compute F'_ior over a grid of field values",

@@ -261,7 +261,9 @@ def normal_draw(
     # transposed, because LAPACK would copy a symmetric matrix in C order
     factor, is_singular = dpotrf(precision.T, lower=1, overwrite_a=1)
     if is_singular:
-        raise UntrustedError("the readings do not resolve the components", "record for longer", Fault.ORDERS_UNTOLD)
+        raise UntrustedError(
+            "the readings do not separate the components of the error", "record more revolutions", Fault.ORDERS_UNTOLD
+        )
     half = dtrtrs(factor, moment, lower=1)[0]
     normal = rng.standard_normal(len(moment))
     return np.asarray(dtrtrs(factor, half + normal, lower=1, trans=1)[0])

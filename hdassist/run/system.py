@@ -247,7 +247,7 @@ def _folder_of_profile(path: Path, *, makes: bool) -> PrivateFolder:
     profile = type(path).home()
     # Windows protects the profile; folders elsewhere may be open to all users
     if not path.resolve().is_relative_to(profile.resolve()):
-        raise UnsafeFolderError(f"{path.parent} is outside {profile}; another user may be able to write to it")
+        raise UnsafeFolderError(f"another user may be able to write to {path.parent}, because it is outside {profile}")
     if makes:
         path.mkdir(mode=0o700, exist_ok=True)
     if not path.is_dir():

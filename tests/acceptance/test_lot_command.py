@@ -77,7 +77,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert result.returncode == 4
     head, why, *_ = result.stdout.splitlines()
     assert head == "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 DATA_ERROR"
-    assert why.startswith("yield: 50 % (9 to 91), 1 of the 2 drives")
+    assert why.startswith("yield: 50 % (9 to 91), 1 PASS among 2 drives")
     verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "DATA_ERROR", "DATA_ERROR"]
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]

@@ -87,7 +87,7 @@ def test_check_details_list_the_reference_data_that_weight_the_samples(left_out)
 @pytest.mark.thorough
 def test_check_offers_usual_accuracy_if_the_catalogue_states_only_backlash():
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "8", "--details")
-    offered = re.compile(r"the usual 90″, F'_ior at 1 N·m is ([\d.]+) to ([\d.]+)″")
+    offered = re.compile(r"an accuracy of 90″, which is usual for this size, F'_ior at 1 N·m is ([\d.]+) to ([\d.]+)″")
     page = in_a_line(run("check", TINY, *asked, "--set", "catalogue.play=300").stdout)
     low, high = map(float, offered.search(page).groups())
     assert low < high < 200  # a soft limit

@@ -247,7 +247,7 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
 def test_trial_torque_beyond_the_preset_range_is_refused(alarm, torque):
     done = run("trials", TINY, "h0=17.3", "--trial-torque", torque)
     is_number = abs(float(torque)) <= 1e30
-    words = f"invalid trials: {float(torque):g} N·m" if is_number else f"{float(torque):g} is out of range"
+    words = f"invalid torque {float(torque):g} N·m" if is_number else f"{float(torque):g} is out of range"
     require_refused(done, words)
     assert done.returncode == 2
 

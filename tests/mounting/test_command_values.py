@@ -184,7 +184,7 @@ def test_an_outcome_says_keep_or_go_back():
         (("--verify", "h4=17"), "no measured value at 4 N·m"),
         ((*TRIALS, "--noise", "0"), "'--noise': must be at least"),
         ((*TRIALS, "--reseat", "1"), "use --noise"),
-        ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N·m"),
+        ((*TRIALS, "--trial-torque", "0"), "invalid torque 0 N·m"),
         ((*TRIALS, "--step", "30"), "--step cannot be combined with measured values"),
         ((*TRIALS, "--compensated", "phasors"), "--compensated cannot be combined with measured values"),
         ((*TRIALS, "--trial", "h0=1"), "hdassist mount PRESET h0=28.1 h4=17.3"),

@@ -20,12 +20,12 @@ PAPERS = (
 ABOUT = (
     "C_3 is the stiffness of the support of the wave generator, and e_h^b is its eccentricity fixed to the housing. "
     "The first three tables show how the gain from moving the fixed wheel depends on C_3 and e_h^b. The last table "
-    "compares results at 80 N·m with expected values.\n\nWith C_3 = 0, which is an Oldham coupling without friction, "
-    "the wave generator aligns itself. Deviations fixed to the housing then have no effect, all holes are equivalent, "
-    "and F'_ior is smallest. The gain from moving the wheel is largest if the eccentricity, reduced by the compliance "
-    "of the support, has about the same effect as the deviation of the wheel. This is true of a soft support with a "
-    "large eccentricity, of a stiff support with a small eccentricity, and of combinations between these cases. "
-    "Plausible values of C_3 are 1e3 to 1e5 N/mm. The fit of `vzp160` to Fig. 3 of the paper requires 9e3 "
+    "compares results at 80 N·m with expected values.\n\nWith C_3 = 0, which represents an Oldham coupling without "
+    "friction, the wave generator aligns itself. Deviations fixed to the housing then have no effect, all holes are "
+    "equivalent, and F'_ior is smallest. The gain from moving the wheel is largest if the eccentricity, reduced by the "
+    "compliance of the support, has about the same effect as the deviation of the wheel. This is true of a soft "
+    "support with a large eccentricity, of a stiff support with a small eccentricity, and of combinations between "
+    "these cases. Plausible values of C_3 are 1e3 to 1e5 N/mm. The fit of `vzp160` to Fig. 3 of the paper requires 9e3 "
     f"N/mm.\n\nThe two papers named as a source in the last table are {PAPERS}. Only citations of these papers, "
     "without figures, were available. They were not used in the fit."
 )

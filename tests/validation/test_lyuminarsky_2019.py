@@ -131,8 +131,9 @@ AT_THE_EDGE = "The fit meets all five values of both figures, but each value is 
 BARS = ((80.0, "greatest", 31), (80.0, "least", 15), (800.0, "greatest", 13), (800.0, "least", 2))
 NEAREST = len(ALTERNATIVES)
 CONTROL = (
-    "This row is a control for the predicted rank correlation. At 240 N·m there is no single-zone meshing, but the "
-    "range depends on the starting angle in the same way. Single-zone meshing is therefore not necessarily the cause"
+    "These rows are a control for the predicted rank correlation. At 240 N·m there is no single-zone meshing, but the "
+    "range still depends on the starting angle in the same way. Single-zone meshing is therefore not necessarily the "
+    "cause of this dependence"
 )
 CASES = [
     *(fig_3(*bar) for bar in BARS),

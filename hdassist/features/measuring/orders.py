@@ -641,13 +641,13 @@ def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource
         if trace.in_time and trace.cam_step_arcsec:
             by_input = 2 * trace.cam_step_arcsec / sqrt(12)
             return UncertaintySource("resolution", by_input, "input counts, with sampling at even angles")
-        return UncertaintySource("resolution", 0.0, "reading steps hidden by noise")
+        return UncertaintySource("resolution", 0.0, "quantization masked by noise")
     if trace.in_time:
         # at even angles, rounding repeats from revolution to revolution, and the extremes may err in opposite
         # directions
-        return UncertaintySource("resolution", 2 * rounding, "step of the readings, at even angles")
+        return UncertaintySource("resolution", 2 * rounding, "quantization of the readings, at even angles")
     # the rounding of the two extremes is independent
-    return UncertaintySource("resolution", sqrt(2) * rounding, "step of the readings")
+    return UncertaintySource("resolution", sqrt(2) * rounding, "quantization of the readings")
 
 
 def stated_sources(stated: Mapping[str, float]) -> tuple[UncertaintySource, ...]:

@@ -294,7 +294,7 @@ def _place_between(fit: TraceFit, order: float) -> float:
     is_free = distance(places, orders) > _CLOSEST_ORDERS * resolution
     places = np.unique(places[is_near & is_free])
     if not len(places):
-        raise UntrustedError("no free order for another component", "")
+        raise UntrustedError("the recording does not resolve another component from the fitted orders", "")
     reductions = []
     for place in places:
         column, coefficients = fit.beside(order_columns(bins.turns, place[None]))

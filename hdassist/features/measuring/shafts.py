@@ -225,8 +225,13 @@ def _order_of(
         return shaft.per_rev / gearing.ratio
     if speed is None:
         message = f"{trace.file}: --shafts {shaft.name}={shaft.text} states a time, but the recording contains no times"
-        raise DataError(message, f"state its revolutions per input revolution: --shafts {shaft.name}=N/input")
+        raise DataError(message, _revolutions_hint(shaft.name))
     return 1 / (float(shaft.period_s or 0.0) * speed)
+
+
+def _revolutions_hint(name: str) -> str:
+    """Return the hint to state the revolutions of a shaft instead of its period."""
+    return f"state the revolutions of the shaft per input revolution: --shafts {name}=N/input"
 
 
 def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
@@ -245,7 +250,7 @@ def _require_even_speed(trace: MeasuredTrace, places: Sequence[_Place]) -> None:
                 f"{trace.file}: the input speed varies, so the angle of {name} is uncertain by "
                 f"{departure * place.order:.2g} revolutions"
             )
-            raise DataError(message, f"state its revolutions per input revolution: --shafts {name}=N/input")
+            raise DataError(message, _revolutions_hint(name))
 
 
 def _line_near(fit: TraceFit, order: float) -> float | None:

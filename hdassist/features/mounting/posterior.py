@@ -249,12 +249,12 @@ class TrialSetup:
     others: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (_is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
-            stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
-            wanted = "expected a torque up to 1e7 N*m other than 0, and a noise above 0"
-            raise UsageError(
-                f"invalid trials: {stated}: {wanted}", "state the torque of the values, for example --trial-torque 80"
-            )
+        if not _is_torque(self.M_g):
+            message = f"invalid torque {self.M_g:g} N·m: expected a torque up to 1e7 N·m, other than 0"
+            raise UsageError(message, "state the torque at which F'_ior was measured, for example --trial-torque 80")
+        if not 1e-6 <= self.noise_arcsec <= 1e6:
+            message = f"invalid noise {self.noise_arcsec:g}″: expected 1e-6 to 1e6″"
+            raise UsageError(message, "state the standard deviation of a measured F'_ior, for example --noise 1")
 
     def point(self, trial: Trial) -> Point:
         """Return the position [deg] and torque [N*m] of a value."""

@@ -126,9 +126,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         readings = (self.positions or 0) * self.repeats * (1 + self.both)
         if readings > _MOST_READINGS and not self.approach is self.sheet is None:
             message = f"a test at {self.positions} positions, {self.repeats} times each, needs {readings} readings"
-            raise UsageError(
-                message, f"reduce --positions or --repeats; at most {_MOST_READINGS} readings are possible"
-            )
+            raise UsageError(message, f"reduce --positions or --repeats; at most {_MOST_READINGS} readings are allowed")
 
     def _write_files(self, choice: PlanChoice) -> None:
         """Write the requested files: the positions, and the test sheet."""

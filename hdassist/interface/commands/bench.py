@@ -592,10 +592,11 @@ class ControllerOptions(o.OptionGroup):
         if not (self.axis.isascii() and self.axis.isalnum()):
             message = f"invalid --axis {self.axis!r}: expected letters and digits"
             raise UsageError(message, "state the axis, for example --axis A")
-        for number in (self.zero, self.rows_from, self.steps_per_degree):
+        numbers = {"--zero": self.zero, "--rows-from": self.rows_from, "--steps-per-degree": self.steps_per_degree}
+        for option, number in numbers.items():
             if not isfinite(number):
-                options = "--zero, --rows-from or --steps-per-degree"
-                raise UsageError(f"invalid {options} {number:g}: expected a finite number", "correct this number")
+                message = f"invalid {option} {number:g}: expected a finite number"
+                raise UsageError(message, f"state a number, for example {option} 90")
         controller = CONTROLLER_FORMATS[name]
         controller.require(form.turn, form.points)
         take_output(path, force)

@@ -445,7 +445,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         # recordings and presets cannot be compared in one call
         if traces := [name for name in self.files if not is_preset(name)]:
             message = f"cannot compare the recording {traces[0]} with the preset {next(filter(is_preset, self.files))}"
-            raise UsageError(message, "name presets only (names of the library, .yaml files), or recordings only")
+            raise UsageError(message, "give only presets (library names or .yaml files), or only recordings")
         # an option that has its default value counts as not given
         plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):

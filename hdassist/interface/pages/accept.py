@@ -380,7 +380,7 @@ def _yield_words(summary: Mapping[str, Any]) -> str:
     if not share:
         return "no yield, because no drive has PASS or FAIL; the table gives the reasons"
     percent = percent_text(share["share"], share["low"], share["high"])
-    return f"yield: {percent}, {summary['verdicts']['PASS']} of the {share['decided']} drives with PASS or FAIL"
+    return f"yield: {percent}, {summary['verdicts']['PASS']} PASS among {share['decided']} drives with PASS or FAIL"
 
 
 def _comment_warnings(lot: Lot) -> list[str]:

@@ -240,7 +240,7 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
     # keeping() weights the samples as if the catalogue stated the accuracy
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
     return (
-        f"catalogue.accuracy is not given. If the drive meets the usual {accuracy:g}″, F'_ior at "
+        f"catalogue.accuracy is not given. With an accuracy of {accuracy:g}″, which is usual for this size, F'_ior at "
         f"{samples.torques[k]:g} N·m is {low:.1f} to {high:.1f}″"
     )
 
