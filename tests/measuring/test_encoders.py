@@ -75,7 +75,7 @@ def test_counts_at_uneven_angles_are_noise_without_a_resolution_source(uneven: f
 
 @pytest.mark.thorough
 def test_steps_that_may_be_the_error_are_refused():
-    with pytest.raises(UntrustedError, match="steps of 20″ at even angles"):
+    with pytest.raises(UntrustedError, match="at even angles in steps of 20″"):
         by_two_encoders(20.0, encoders.CAM)
     assert by_two_encoders(20.0, encoders.CLOCK).range.value == pytest.approx(30, abs=5)
 
