@@ -143,7 +143,7 @@ def test_result_with_an_unknown_deviation_is_never_called_proven() -> None:
         await pilot.press("right")
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "REVOLUTION, of a typical drive" in screen(app) and "hdassist mount" in screen(app)
+        assert "REVOLUTION of a typical drive" in screen(app) and "hdassist mount" in screen(app)
         await pilot.press("4")
         await settled(app, pilot)
         assert "hdassist trace" in screen(app) and "PROVEN" not in told + screen(app)
