@@ -162,7 +162,7 @@ def test_single_cycle_cannot_resolve_noise_and_a_part_is_refused(tmp_path: Path)
     page = in_a_line(noisy.stdout)
     assert noisy.returncode == 5
     assert "correction terms may increase the error" in page
-    assert "measure the cycle twice or more" in page
+    assert "measure the full mesh cycle twice or more" in page
     left = [
         float(end) for end in re.search(r"correction terms (\S+)-(\S+) ", page.partition("residual F'_ior")[2]).groups()
     ]

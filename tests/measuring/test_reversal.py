@@ -114,5 +114,5 @@ def test_page_gives_the_effect_of_a_lag_at_one_speed(tmp_path):
     page = run("measure", "run.csv", "--ratio", str(RATIO), "--second", "output_deg", "--no-plot", cwd=tmp_path).stdout
     words = in_a_line(page)
     assert re.search(
-        r"reversal lost motion 5\d\.\d\d ± 0\.\d\d″ \(k = 2\) at reversal .* lag of 130″ per ms included", words
+        r"reversal lost motion 5\d\.\d\d ± 0\.\d\d″ \(k = 2\) at reversal .* encoder lag \(130″ per ms; record", words
     )

@@ -173,7 +173,7 @@ def test_the_proof_in_a_line():
     certificate = Certificate(20200, 0.0, 8.1e-11, 1e-12, 0.0, 0)
     assert proof(certificate) == "20 200 mesh positions, residual 8e-11"
     crossed = [CrossCheck("CLARABEL", 10, 1e-6), None, CrossCheck("CLARABEL", 10, 1e-6)]
-    assert proof(certificate, crossed) == "20 200 mesh positions, residual 8e-11; 20 checked by CLARABEL"
+    assert proof(certificate, crossed) == "20 200 mesh positions, residual 8e-11; CLARABEL checked 20"
 
 
 def test_unweighted_ranges_are_those_of_assumed_and_defaulted_values():

@@ -78,7 +78,7 @@ def test_torque_without_a_limit_is_accepted_beside_limited_torques() -> None:
     done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
     page, bare = in_a_line(done.stdout), run("tolerance", TINY, *two[:2], *two[4:]).stdout
     assert done.returncode == 0, done.stderr
-    assert "best hole one hole per drive for all torques; " in page
+    assert "best hole one hole per drive for all torques, " in page
     assert "one hole per drive" not in bare
     other = run("tolerance", TINY, *two, "--limit", "F_ior@3=2050")
     assert (other.returncode, other.stdout) == (2, "")

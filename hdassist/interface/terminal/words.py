@@ -93,7 +93,7 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
         return ""
     text = f"{thousands(found.states)} mesh positions, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
-        text += f"; {sum(cross.states for cross in crosses)} checked by {crosses[0].solver}"
+        text += f"; {crosses[0].solver} checked {sum(cross.states for cross in crosses)}"
     return text
 
 
