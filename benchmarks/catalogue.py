@@ -131,7 +131,7 @@ def presets() -> Iterator[tuple[str, str]]:
             name, like, required,
             f"Motor gear unit {title}, scaled from vzp160. The model has not been compared with measurements. "
             "The rated torque is given. The name states the inner diameter of the flexspline; "
-                "the ratio is not published.",
+            "the ratio is not published.",
         )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ _DRIFTED = 0.05  # smallest remaining drift that is reported, as a share of F'_i
 _DRIFT_CLEAR = 4.0  # standard uncertainties by which a drift must exceed 0
 RESOLVED_GAP = 0.75  # smallest distance at which a line and an order are resolved, as a share of the resolution
 EVEN = 0.9  # evenness of the readings above which they do not distinguish an order from its image
-_SHARED_READINGS = 10  # readings of a level as which the noise of all readings counts
+_SHARED_READINGS = 10  # weight of the noise of all readings in the noise of a level, as a number of readings
 _MOMENTS = 3  # powers of the position of a reading within its cell
 SLOWEST_ORDER = 0.5  # order per input revolution below which orders are those of the output, or drift
 _NEIGHBOURS = 10.0  # largest distance of neighbours whose correlation is evaluated, in bins
@@ -163,7 +163,7 @@ class TraceFit:
     def _level_variance(self) -> Array:
         """The variance of the residuals of each level at weight 1 [arcsec^2], shape (levels,).
 
-        The variance of all residuals counts as `_SHARED_READINGS` further readings of each level, so that the few
+        The variance of all residuals is included with the weight of `_SHARED_READINGS` readings, so that the few
         readings of a short level do not determine its noise alone.
         """
         level = self.bins.level
